@@ -1,0 +1,72 @@
+# Welkin. `make run` and `make check` do everything on a fresh Debian 12; CONTRIBUTING.md lists the rest.
+.DEFAULT_GOAL := all
+.DELETE_ON_ERROR:
+MAKEFLAGS += --no-builtin-rules
+
+B        ?= build
+CC       ?= gcc
+PREFIX   ?= /usr/local
+DESTDIR  ?=
+VERSION  := $(shell sed -n 's/^## \([0-9][^ ]*\).*/\1/p' CHANGELOG.md 2>/dev/null | head -1)
+ifeq ($(VERSION),)
+VERSION  := 0.1.0
+endif
+REVISION := $(shell git describe --always --dirty --exclude '*' 2>/dev/null || echo unknown)
+
+ifneq ($(filter default undefined,$(origin CC)),)
+CC := gcc
+endif
+
+BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR cglm libnova libsystemd inih libcjson zlib
+TEST_PKGS  := cmocka libcurl gsl
+
+WARN   := -Wall -Wextra -Werror -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith -Wvla \
+          -Wwrite-strings -Wundef -Wno-missing-field-initializers
+OPT    ?= -O2 -g
+CFLAGS_ALL = -std=gnu17 $(OPT) $(WARN) -MMD -MP -I. -I$(B)/gen -D_GNU_SOURCE \
+          -DWELKIN_VERSION='"$(VERSION)"' -fno-math-errno $(SAN_FLAGS) $(PKG_CFLAGS) $(CFLAGS)
+LDFLAGS_ALL = $(SAN_FLAGS) $(LDFLAGS)
+SANITIZER ?=
+ifneq ($(SANITIZER),)
+comma := ,
+SAN_FLAGS := -fsanitize=$(SANITIZER) -fno-omit-frame-pointer -fno-sanitize-recover=all
+endif
+PKG_CFLAGS = $(shell pkg-config --cflags $(BUILD_PKGS) 2>/dev/null)
+PKG_LIBS   = $(shell pkg-config --libs $(BUILD_PKGS) 2>/dev/null)
+LIBS       = $(PKG_LIBS) -lpthread -lm
+
+# ---- sources ----
+API_SRC    := $(sort $(wildcard api/*.c))
+METHOD_SRC := $(sort $(wildcard gpu/methods/*.c))
+METHODS    := $(notdir $(basename $(METHOD_SRC)))
+GPU_SRC    := $(sort $(wildcard gpu/*.c)) $(METHOD_SRC)
+SERVER_SRC := $(sort $(wildcard server/*.c))
+SHADERS    := $(sort $(wildcard shaders/*.h shaders/*.glsl shaders/*.comp shaders/methods/*.comp shaders/tables/*.comp))
+WWW        := $(sort $(wildcard api/www/*))
+GEN        := $(B)/gen/registry.c $(B)/gen/method_names.c $(B)/gen/shaders.c $(B)/gen/www.c
+
+obj = $(patsubst %.c,$(B)/obj/%.o,$(1))
+API_OBJ    := $(call obj,$(API_SRC)) $(B)/obj/gen/method_names.o
+GPU_OBJ    := $(call obj,$(GPU_SRC)) $(B)/obj/gen/registry.o $(B)/obj/gen/shaders.o
+SERVER_OBJ := $(call obj,$(filter-out server/main.c,$(SERVER_SRC))) $(B)/obj/gen/www.o
+MAIN_OBJ   := $(B)/obj/server/main.o
+
+.PHONY: all
+all: $(B)/welkin
+
+$(B)/welkin: $(MAIN_OBJ) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
+	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS)
+
+$(B)/obj/gen/%.o: $(B)/gen/%.c $(B)/flags
+	@mkdir -p $(@D)
+	$(CC) $(CFLAGS_ALL) -c -o $@ $<
+$(B)/obj/%.o: %.c $(B)/flags
+	@mkdir -p $(@D)
+	$(CC) $(CFLAGS_ALL) -c -o $@ $<
+
+# Rebuild everything when compiler or flags change, nothing otherwise.
+FLAGS_NOW = $(CC) $(CFLAGS_ALL) $(LDFLAGS_ALL)
+.PHONY: FORCE
+$(B)/flags: FORCE
+	@mkdir -p $(B)/gen
+	@echo '$(subst ','\'',$(FLAGS_NOW))' | cmp -s - $@ || echo '$(subst ','\'',$(FLAGS_NOW))' > $@

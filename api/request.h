@@ -1,0 +1,103 @@
+#ifndef WELKIN_API_REQUEST_H
+#define WELKIN_API_REQUEST_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/*
+ * One render request with every value resolved: plain data of fixed size, no pointers, so it can
+ * be hashed, sent to the renderer process and compared byte for byte. It is built by
+ * welkin_resolve() (api.h) and always zeroed first, so padding is zero too.
+ *
+ * World frame: x east, y up, z south, origin at sea level at the place; metres. The planet's
+ * centre is at (0, -planet_radius, 0). Angles in degrees where the name says so. Spectral
+ * triples are given at 680, 550 and 440 nm, in that order (red, green, blue).
+ */
+
+enum welkin_projection {
+	WELKIN_PERSPECTIVE,     /* rectilinear, fov_deg vertical */
+	WELKIN_EQUIRECTANGULAR, /* 360° × 180°, image centre at the camera's heading and pitch */
+	WELKIN_FISHEYE,         /* equidistant dome about the camera's forward axis, fov_deg across the image's height */
+	WELKIN_CUBE_FACE,       /* one 90° face */
+	WELKIN_CUBEMAP,         /* horizontal cross of six faces, 4:3 */
+};
+
+enum welkin_cube_face { WELKIN_FRONT, WELKIN_RIGHT, WELKIN_BACK, WELKIN_LEFT, WELKIN_UP, WELKIN_DOWN };
+
+enum welkin_layer { WELKIN_LAYER_DEPTH = 1, WELKIN_LAYER_TRANSMITTANCE = 2, WELKIN_LAYER_INSCATTER = 4 };
+
+enum welkin_format { WELKIN_PNG, WELKIN_EXR };
+enum welkin_exr_type { WELKIN_HALF, WELKIN_FLOAT };
+enum welkin_exr_compression { WELKIN_EXR_NONE, WELKIN_EXR_RLE, WELKIN_EXR_ZIPS, WELKIN_EXR_ZIP, WELKIN_EXR_PIZ };
+enum welkin_preset { WELKIN_EARTH, WELKIN_MADRID2015, WELKIN_RAYLEIGH };
+enum welkin_spectrum { WELKIN_SPECTRUM_RGB, WELKIN_SPECTRUM_4 };
+enum welkin_sun_spectrum { WELKIN_SUN_SOLAR, WELKIN_SUN_FLAT };
+enum welkin_phase { WELKIN_CORNETTE_SHANKS, WELKIN_HENYEY_GREENSTEIN, WELKIN_SCHLICK };
+enum welkin_exposure_mode { WELKIN_EXPOSURE_AUTO, WELKIN_EXPOSURE_EV, WELKIN_EXPOSURE_PUPIL };
+enum welkin_tone_map { WELKIN_TONE_AGX, WELKIN_TONE_ACES, WELKIN_TONE_REINHARD, WELKIN_TONE_EXPONENTIAL, WELKIN_TONE_NONE };
+
+struct welkin_image {
+	int32_t width, height;
+	int32_t projection;      /* enum welkin_projection */
+	int32_t cube_face;       /* enum welkin_cube_face */
+	uint32_t layers;         /* enum welkin_layer bits; EXR only */
+	int32_t format;          /* enum welkin_format; set by the path or Accept, not a field */
+	int32_t png_bits;        /* 8 or 16 */
+	int32_t exr_type;        /* enum welkin_exr_type */
+	int32_t exr_compression; /* enum welkin_exr_compression */
+	int32_t embed_timing;    /* 0 or 1 */
+	int32_t dither;          /* 0 or 1 */
+};
+
+struct welkin_camera {
+	double position_m[3]; /* world frame */
+	double altitude_m;    /* above sea level; agrees with position_m */
+	double heading_deg;   /* clockwise from north */
+	double pitch_deg;     /* up positive */
+	double roll_deg;      /* clockwise positive: the horizon tilts counter-clockwise */
+	double fov_deg;       /* vertical */
+};
+
+struct welkin_sun {
+	double elevation_deg, azimuth_deg; /* geometric: no refraction */
+	double intensity;                  /* factor on the irradiance */
+	double angular_radius_deg;
+	int32_t spectrum; /* enum welkin_sun_spectrum: solar W/m²/nm, or flat 1 W/m²/nm */
+	int32_t disk;     /* 0 or 1 */
+};
+
+struct welkin_atmosphere {
+	int32_t preset;   /* enum welkin_preset; only a label once resolved */
+	int32_t method;   /* index into welkin_method_names */
+	int32_t spectrum; /* enum welkin_spectrum; images only */
+	int32_t steps;
+	int32_t light_steps;
+	int32_t max_order; /* 0: all the orders the method has */
+	double turbidity;
+	double density_factor; /* on the densities of rayleigh and aerosol */
+	double planet_radius_m, top_m; /* top above the ground */
+	double rayleigh_scattering_per_m[3], rayleigh_scale_height_m;
+	double aerosol_scattering_per_m[3], aerosol_absorption_per_m[3], aerosol_scale_height_m, aerosol_g;
+	int32_t aerosol_phase; /* enum welkin_phase */
+	int32_t reserved;
+	double ozone_column_du, ozone_center_m, ozone_half_width_m;
+};
+
+struct welkin_request {
+	struct welkin_image image;
+	int32_t reserved;
+	struct welkin_camera camera;
+	struct welkin_sun sun;
+	int64_t time_ms; /* UTC, milliseconds since 1970 */
+	double latitude_deg, longitude_deg;
+	struct welkin_atmosphere atmosphere;
+	double ground_albedo[3];
+	double exposure_ev;           /* EV100 for mode ev */
+	double exposure_compensation; /* stops, added in every mode */
+	int32_t exposure_mode, tone_map;
+	double max_error, budget_ms; /* 0 budget: none */
+	uint32_t seed;
+	int32_t reserved2;
+};
+
+#endif

@@ -1,0 +1,41 @@
+#ifndef WELKIN_GPU_METHOD_H
+#define WELKIN_GPU_METHOD_H
+
+#include "api/error.h"
+#include "api/request.h"
+
+/*
+ * A way to compute the clear sky. Each gpu/methods/NAME.c defines `const struct method
+ * method_NAME`; the registry is generated from the folder, sorted by name, and
+ * request.atmosphere.method is an index into it. The shader of the same name,
+ * shaders/methods/NAME.comp, defines `void method_sky(Ray ray, out vec4 L, out vec4 T)` (see
+ * shaders/sky.glsl) and gets pixels, directions, bands, ground, sun disk and output for nothing.
+ *
+ * The first part is plain data that any process may read; tables() runs in the renderer only.
+ */
+
+struct frame_tables; /* tables.h */
+struct scene;        /* scene.h */
+
+struct method_range {
+	const char *field; /* dotted request field */
+	double min, max;   /* inclusive */
+	const char *why;   /* what fails outside */
+};
+
+struct method {
+	const char *name;
+	const char *summary;            /* one line */
+	const char *source;             /* paper or origin */
+	const char *const *fields;      /* fields it reads beyond camera and sun, NULL-terminated */
+	const struct method_range *domain; /* terminated by field == NULL */
+	int single_scattering;          /* 1: orders above the first are left out by nature */
+	int physical;                   /* 1: uses the media coefficients; 0: an analytic sky */
+	/* Makes sure that the tables it reads exist and are bound (NULL: it reads none). */
+	bool (*tables)(struct frame_tables *tables, const struct scene *scene, struct error *err);
+};
+
+extern const struct method *const welkin_methods[]; /* generated; NULL-terminated */
+extern const int welkin_method_count;
+
+#endif

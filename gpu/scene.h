@@ -1,0 +1,26 @@
+#ifndef WELKIN_GPU_SCENE_H
+#define WELKIN_GPU_SCENE_H
+
+#include "api/error.h"
+#include "gpu/job.h"
+#include "shaders/shared.h"
+
+enum { SCENE_MAX_BATCHES = WELKIN_MAX_WAVELENGTHS / 4, SCENE_MAX_NODES = 4096 };
+
+/* A request turned into what kernels read: blocks, batches of four bands, quadrature nodes.
+ * Pure CPU work, no GL, so tests and tools use it too. */
+struct scene {
+	struct FrameBlock frame;   /* features, exposure_scale and output_format are the planner's */
+	struct MediaBlock media;
+	int n_bands;               /* real wavelengths; the last batch is padded with copies */
+	int n_batches;
+	struct BandsBlock batches[SCENE_MAX_BATCHES];
+	int n_nodes;
+	float nodes[SCENE_MAX_NODES][2]; /* Gauss-Legendre: position in [0,1], weight (sum 1) */
+};
+
+/* Image: wavelengths_nm NULL, bands and the matrix to Rec.709 by request->atmosphere.spectrum.
+ * Radiance: the n wavelengths, matrix rows zero. Never fails for a resolved request. */
+void scene_prepare(struct scene *scene, const struct welkin_request *request, const double *wavelengths_nm, int n);
+
+#endif

@@ -1,0 +1,36 @@
+#ifndef WELKIN_SERVER_ENCODE_H
+#define WELKIN_SERVER_ENCODE_H
+
+#include "api/error.h"
+#include "gpu/job.h"
+
+/* Encoders: pixels as the renderer left them (gpu/job.h, enum and layout there) → file bytes.
+ * Thread-safe; no GL. */
+
+struct welkin_bytes {
+	unsigned char *data; /* malloc'd */
+	size_t size;
+};
+
+/* What goes into the file beside the pixels. Everything here is the same for two renders of the
+ * same request, except timing_json, which is NULL unless image.embed_timing. */
+struct welkin_file_info {
+	const struct welkin_request *request;
+	const char *request_json; /* welkin_request_json() */
+	const char *method, *device, *build;
+	const char *timing_json;
+	double exposure_scale; /* pixel = cd/m² × this */
+	int threads;           /* the encoder may use up to that many for one image */
+};
+
+/* PNG 8 or 16 bit RGBA→RGB where alpha is opaque everywhere is not needed: the alpha channel is
+ * kept out of PNG (sky over black). sRGB chunk, pHYs none, tEXt/iTXt: Software, Description,
+ * welkin:request, welkin:method, welkin:device, welkin:build (, welkin:timing). */
+bool welkin_encode_png(const struct welkin_file_info *info, const void *pixels, struct welkin_bytes *out, struct error *err);
+
+/* OpenEXRCore. R G B A, then layers: inscatter.{R,G,B}, transmittance.{R,G,B}, Z. Attributes: chromaticities
+ * (Rec.709), whiteLuminance (cd/m² of a pixel of value 1), software, comments, and welkin.* (request,
+ * method, device, build, camera, sun, timing). */
+bool welkin_encode_exr(const struct welkin_file_info *info, const void *pixels, struct welkin_bytes *out, struct error *err);
+
+#endif

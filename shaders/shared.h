@@ -1,0 +1,104 @@
+/*
+ * Bindings, sizes and blocks that C and GLSL share: `#include "shared.h"` in GLSL (the program
+ * loader resolves it and defines WELKIN_GLSL), `#include "shaders/shared.h"` in C. Blocks are
+ * made of vec4 and of groups of four 4-byte scalars, so std140 and the C compiler agree;
+ * a test compares every offset with the driver's.
+ */
+#ifndef WELKIN_SHADERS_SHARED_H
+#define WELKIN_SHADERS_SHARED_H
+
+#ifdef WELKIN_GLSL
+#define WELKIN_BLOCK(name, point) layout(std140, binding = point) uniform name {
+#define WELKIN_BLOCK_END(instance) } instance;
+#else
+#define WELKIN_BLOCK(name, point) struct name {
+#define WELKIN_BLOCK_END(instance) };
+typedef float vec4[4];
+typedef int ivec4[4];
+typedef unsigned int uint;
+#endif
+
+/* Uniform block bindings */
+#define BIND_FRAME 0
+#define BIND_MEDIA 1
+#define BIND_BANDS 2
+
+/* Shader storage bindings */
+#define BIND_RADIANCE 0      /* vec4 per pixel of the strip: linear Rec.709 cd/m² accumulated over batches, a = opacity; directions mode: spectral L of the batch */
+#define BIND_INSCATTER 1     /* vec4 per pixel: rgb in-scattered cd/m², a = depth in m (layers only) */
+#define BIND_TRANSMITTANCE 2 /* vec4 per pixel: rgb; directions mode: spectral T of the batch */
+#define BIND_DIRECTIONS 3    /* vec4 per direction (directions mode) */
+#define BIND_OUTPUT 4        /* packed pixels of the strip */
+#define BIND_METER 5         /* exposure meter */
+#define BIND_NODES 6         /* quadrature nodes: vec2 (position in [0,1], weight) */
+
+/* Texture units; a method's tables sit at fixed units so that programs need no set-up. */
+#define UNIT_OPTICAL_DEPTH 0
+
+/* Plain uniforms */
+#define LOCATION_TILE 0  /* ivec4: x, y, width, height of the strip in the image; directions mode: first, 0, count, 1 */
+#define LOCATION_BATCH 1 /* int: index of the spectral batch; 0 clears the accumulators */
+
+#define WORKGROUP_X 16
+#define WORKGROUP_Y 4
+
+/* Bits of FrameBlock.features: what the planner left in. A kernel skips what is not set. */
+#define FEATURE_SUN_DISK 1
+#define FEATURE_GROUND 2
+#define FEATURE_LAYERS 4
+#define FEATURE_DIRECTIONS 8 /* rays come from BIND_DIRECTIONS, no matrix, no disk */
+
+#define PHASE_CORNETTE_SHANKS 0
+#define PHASE_HENYEY_GREENSTEIN 1
+#define PHASE_SCHLICK 2
+
+/* Camera, sun and output of a frame. */
+WELKIN_BLOCK(FrameBlock, BIND_FRAME)
+	vec4 camera_right;   /* xyz unit vectors, world frame */
+	vec4 camera_up;
+	vec4 camera_forward;
+	vec4 vertical;       /* xyz: away from the planet's centre at the camera */
+	vec4 sun_direction;  /* xyz: to the sun's centre; w: cosine of its angular radius */
+	int width, height, projection, cube_face;
+	float tan_half_fov;  /* perspective: of half the vertical field of view */
+	float fov;           /* rad, fisheye */
+	float camera_altitude; /* m above the ground sphere */
+	float sun_angular_radius; /* rad */
+	float exposure_scale;  /* pixel = cd/m² × this; PNG path */
+	int tone_map;        /* enum welkin_tone_map */
+	int dither;
+	uint seed;
+	int features;        /* FEATURE_ bits */
+	int output_format;   /* 0: rgba8, 1: rgba16, 2: half, 3: float */
+	float sun_solid_angle; /* sr */
+	int reserved0;
+WELKIN_BLOCK_END(frame)
+
+/* The atmosphere's geometry and profiles: the same for all bands. */
+WELKIN_BLOCK(MediaBlock, BIND_MEDIA)
+	float planet_radius, top;              /* m; top above the ground */
+	float rayleigh_scale_height, aerosol_scale_height; /* m */
+	float ozone_center, ozone_half_width;  /* m: tent profile, 1 at the centre */
+	float aerosol_g;
+	int aerosol_phase;                     /* PHASE_ */
+	int steps, light_steps;
+	float turbidity;
+	float density_factor;                  /* already in the Bands coefficients; kept for analytic methods */
+	ivec4 node_offset;                     /* into BIND_NODES: Gauss-Legendre rules for rays cut into 1, 2, 3 and 4 pieces */
+	ivec4 node_count;                      /* nodes of each of those rules */
+WELKIN_BLOCK_END(media)
+
+/* One batch of four wavelengths. */
+WELKIN_BLOCK(BandsBlock, BIND_BANDS)
+	vec4 wavelength;       /* nm */
+	vec4 sun_irradiance;   /* W/m²/nm at the top of the atmosphere, intensity in */
+	vec4 rayleigh;         /* scattering, 1/m at the ground */
+	vec4 aerosol_scattering; /* 1/m at the ground */
+	vec4 aerosol_extinction;
+	vec4 ozone;            /* absorption, 1/m at the tent's peak */
+	vec4 ground_albedo;
+	vec4 daylight[3];      /* CIE daylight components S0, S1, S2 at the wavelengths, for Preetham */
+	vec4 to_rgb[3];        /* rows: linear Rec.709 in cd/m² from the four radiances */
+WELKIN_BLOCK_END(bands)
+
+#endif
