@@ -70,3 +70,50 @@ FLAGS_NOW = $(CC) $(CFLAGS_ALL) $(LDFLAGS_ALL)
 $(B)/flags: FORCE
 	@mkdir -p $(B)/gen
 	@echo '$(subst ','\'',$(FLAGS_NOW))' | cmp -s - $@ || echo '$(subst ','\'',$(FLAGS_NOW))' > $@
+
+# ---- generated ----
+# One C array per file: bytes, NUL-terminated, with the name it is looked up by.
+define embed
+	@mkdir -p $(@D)
+	@{ echo '#include "api/embed.h"'; i=0; \
+	  for f in $(2); do i=$$((i+1)); printf 'static const unsigned char file%d[] = {' $$i; \
+	    od -An -v -tu1 $$f | sed 's/[0-9][0-9]*/&,/g'; echo '0 };'; done; \
+	  echo 'const struct embedded_file $(1)[] = {'; i=0; \
+	  for f in $(2); do i=$$((i+1)); printf '\t{ "%s", file%d, sizeof file%d - 1 },\n' "$${f#*$(3)}" $$i $$i; done; \
+	  echo '	{ 0, 0, 0 },'; echo '};'; } > $@
+endef
+
+$(B)/gen/shaders.c: $(SHADERS) Makefile
+	$(call embed,welkin_embedded_shaders,$(SHADERS),shaders/)
+$(B)/gen/www.c: $(WWW) Makefile
+	$(call embed,welkin_embedded_www,$(WWW),api/www/)
+$(B)/gen/registry.c: $(METHOD_SRC) Makefile
+	@mkdir -p $(@D)
+	@{ echo '#include "gpu/method.h"'; for m in $(METHODS); do echo "extern const struct method method_$$m;"; done; \
+	  echo 'const struct method *const welkin_methods[] = {'; for m in $(METHODS); do echo "	&method_$$m,"; done; \
+	  echo '	0,'; echo '};'; echo 'const int welkin_method_count = $(words $(METHODS));'; } > $@
+$(B)/gen/method_names.c: $(METHOD_SRC) Makefile
+	@mkdir -p $(@D)
+	@{ echo '#include "api/api.h"'; echo 'const char *const welkin_method_names[] = {'; \
+	  for m in $(METHODS); do echo "	\"$$m\","; done; echo '	0,'; echo '};'; } > $@
+
+# ---- tests ----
+# tests/test_*.c: one cmocka program each, linked with everything but main. tests/lib_*.c: what they share.
+TEST_SRC  := $(sort $(wildcard tests/test_*.c))
+TEST_BIN  := $(patsubst tests/%.c,$(B)/tests/%,$(TEST_SRC))
+TEST_LIB  := $(call obj,$(sort $(wildcard tests/lib_*.c)))
+TEST_LIBS  = $(shell pkg-config --libs $(TEST_PKGS) 2>/dev/null)
+
+$(B)/tests/%: $(B)/obj/tests/%.o $(TEST_LIB) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
+
+.PHONY: tests
+tests: $(TEST_BIN)
+
+.PHONY: clean
+clean:
+	rm -rf $(B) $(B)-asan $(B)-clang $(B)-fuzz
+
+.SECONDARY:
+-include $(shell find $(B)/obj -name '*.d' 2>/dev/null)

@@ -1,0 +1,2 @@
+#include "gpu/method.h"
+const struct method method_gradient = { .name = "gradient" };
