@@ -35,6 +35,14 @@ typedef unsigned int uint;
 /* Texture units; a method's tables sit at fixed units so that programs need no set-up. */
 #define UNIT_OPTICAL_DEPTH 0
 
+/* MediaBlock.rule: Gauss-Legendre on [0,1]. A view ray cut into k pieces uses RULE_VIEW + k - 1 on
+ * each, so that its steps add up to atmosphere.steps; RULE_LIGHT likewise for atmosphere.light_steps
+ * on rays to the sun (1 or 2 pieces), RULE_TABLE for tables, whose accuracy is not the client's choice. */
+#define RULE_VIEW 0
+#define RULE_LIGHT 4
+#define RULE_TABLE 6
+#define RULE_COUNT 8
+
 /* Plain uniforms */
 #define LOCATION_TILE 0  /* ivec4: x, y, width, height of the strip in the image; directions mode: first, 0, count, 1 */
 #define LOCATION_BATCH 1 /* int: index of the spectral batch; 0 clears the accumulators */
@@ -84,8 +92,7 @@ WELKIN_BLOCK(MediaBlock, BIND_MEDIA)
 	int steps, light_steps;
 	float turbidity;
 	float density_factor;                  /* already in the Bands coefficients; kept for analytic methods */
-	ivec4 node_offset;                     /* into BIND_NODES: Gauss-Legendre rules for rays cut into 1, 2, 3 and 4 pieces */
-	ivec4 node_count;                      /* nodes of each of those rules */
+	ivec4 rule[RULE_COUNT];                /* quadrature rules in BIND_NODES: x first node, y how many */
 WELKIN_BLOCK_END(media)
 
 /* One batch of four wavelengths. */

@@ -1,0 +1,199 @@
+/*
+ * From a resolved request to the numbers that kernels read. All of it is done in double precision
+ * and rounded to float once, at the end.
+ */
+#include "gpu/scene.h"
+
+#include "gpu/spectrum.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Molecules per m² in one Dobson unit. */
+static const double dobson_per_m2 = 2.687e20;
+
+/* Nodes of the rule that builds tables: columns converge below 1e-6 (tests/test_scene.c). */
+enum { TABLE_STEPS = 96 };
+
+static double radians(double degrees)
+{
+	return degrees * (M_PI / 180.0);
+}
+
+static void to_vec4(vec4 out, const double v[3], double w)
+{
+	for (int i = 0; i < 3; i++)
+		out[i] = (float)v[i];
+	out[3] = (float)w;
+}
+
+static void cross(const double a[3], const double b[3], double out[3])
+{
+	out[0] = a[1] * b[2] - a[2] * b[1];
+	out[1] = a[2] * b[0] - a[0] * b[2];
+	out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* Unit vector of a heading clockwise from north and an elevation: x east, y up, z south. */
+static void direction(double heading_deg, double elevation_deg, double out[3])
+{
+	const double heading = radians(heading_deg), elevation = radians(elevation_deg);
+	out[0] = sin(heading) * cos(elevation);
+	out[1] = sin(elevation);
+	out[2] = -cos(heading) * cos(elevation);
+}
+
+static void set_camera(struct FrameBlock *frame, const struct welkin_request *request)
+{
+	const struct welkin_camera *camera = &request->camera;
+	const double heading = radians(camera->heading_deg), roll = radians(camera->roll_deg);
+	double forward[3], right[3] = { cos(heading), 0, sin(heading) }, up[3], rolled_right[3], rolled_up[3];
+	direction(camera->heading_deg, camera->pitch_deg, forward);
+	cross(right, forward, up);
+	for (int i = 0; i < 3; i++) {
+		rolled_right[i] = right[i] * cos(roll) - up[i] * sin(roll);
+		rolled_up[i] = up[i] * cos(roll) + right[i] * sin(roll);
+	}
+	to_vec4(frame->camera_forward, forward, 0);
+	to_vec4(frame->camera_right, rolled_right, 0);
+	to_vec4(frame->camera_up, rolled_up, 0);
+
+	double from_center[3] = { camera->position_m[0],
+		camera->position_m[1] + request->atmosphere.planet_radius_m, camera->position_m[2] };
+	const double r = hypot(hypot(from_center[0], from_center[1]), from_center[2]);
+	for (int i = 0; i < 3; i++)
+		from_center[i] /= r;
+	to_vec4(frame->vertical, from_center, 0);
+	frame->camera_altitude = (float)camera->altitude_m;
+	frame->tan_half_fov = (float)tan(radians(camera->fov_deg) / 2);
+	frame->fov = (float)radians(camera->fov_deg);
+}
+
+static void set_sun(struct FrameBlock *frame, const struct welkin_sun *sun)
+{
+	const double radius = radians(sun->angular_radius_deg);
+	double to_sun[3];
+	direction(sun->azimuth_deg, sun->elevation_deg, to_sun);
+	to_vec4(frame->sun_direction, to_sun, cos(radius));
+	frame->sun_angular_radius = (float)radius;
+	frame->sun_solid_angle = (float)(4 * M_PI * pow(sin(radius / 2), 2));
+}
+
+/* Appends the n-point Gauss-Legendre rule on [0,1]: zeros of P_n by Newton's method from the usual
+ * cosine guess, weights 2/((1-x²)P'²) (Abramowitz & Stegun 25.4.29), halved for the interval. */
+static void add_rule(struct scene *scene, int rule, int n)
+{
+	float(*node)[2] = scene->nodes + scene->n_nodes;
+	for (int i = 0; i < (n + 1) / 2; i++) {
+		double x = cos(M_PI * (i + 0.75) / (n + 0.5)), slope = 1;
+		for (int iteration = 0; iteration < 8; iteration++) {
+			double p0 = 1, p1 = x;
+			for (int k = 2; k <= n; k++) {
+				const double p2 = ((2 * k - 1) * x * p1 - (k - 1) * p0) / k;
+				p0 = p1;
+				p1 = p2;
+			}
+			slope = n * (p0 - x * p1) / (1 - x * x);
+			const double step = p1 / slope;
+			x -= step;
+			if (fabs(step) < 1e-15)
+				break;
+		}
+		const double weight = 1 / ((1 - x * x) * slope * slope);
+		node[i][0] = (float)((1 - x) / 2);
+		node[n - 1 - i][0] = (float)((1 + x) / 2);
+		node[i][1] = node[n - 1 - i][1] = (float)weight;
+	}
+	scene->media.rule[rule][0] = scene->n_nodes;
+	scene->media.rule[rule][1] = n;
+	scene->n_nodes += n;
+}
+
+static int at_least_one(int n)
+{
+	return n < 1 ? 1 : n;
+}
+
+static void set_media(struct scene *scene, const struct welkin_atmosphere *air)
+{
+	struct MediaBlock *media = &scene->media;
+	media->planet_radius = (float)air->planet_radius_m;
+	media->top = (float)air->top_m;
+	media->rayleigh_scale_height = (float)air->rayleigh_scale_height_m;
+	media->aerosol_scale_height = (float)air->aerosol_scale_height_m;
+	media->ozone_center = (float)air->ozone_center_m;
+	media->ozone_half_width = (float)air->ozone_half_width_m;
+	media->aerosol_g = (float)air->aerosol_g;
+	media->aerosol_phase = air->aerosol_phase;
+	media->steps = air->steps;
+	media->light_steps = air->light_steps;
+	media->turbidity = (float)air->turbidity;
+	media->density_factor = (float)air->density_factor;
+	for (int pieces = 1; pieces <= 4; pieces++)
+		add_rule(scene, RULE_VIEW + pieces - 1, at_least_one(air->steps / pieces));
+	for (int pieces = 1; pieces <= 2; pieces++) {
+		add_rule(scene, RULE_LIGHT + pieces - 1, at_least_one(air->light_steps / pieces));
+		add_rule(scene, RULE_TABLE + pieces - 1, TABLE_STEPS / pieces);
+	}
+}
+
+/* Fills lane i of a batch. */
+static void set_band(struct BandsBlock *bands, int i, const struct welkin_request *request, double wavelength_nm,
+	const double to_rgb[3])
+{
+	const struct welkin_atmosphere *air = &request->atmosphere;
+	const bool flat = request->sun.spectrum == WELKIN_SUN_FLAT;
+	const double density = air->density_factor;
+	const double aerosol = density * spectrum_power_law(air->aerosol_scattering_per_m, wavelength_nm);
+	const double absorbed = density * spectrum_power_law(air->aerosol_absorption_per_m, wavelength_nm);
+	double daylight[3];
+	spectrum_daylight(wavelength_nm, daylight);
+	bands->wavelength[i] = (float)wavelength_nm;
+	bands->sun_irradiance[i] = (float)(request->sun.intensity * (flat ? 1.0 : spectrum_solar(wavelength_nm)));
+	bands->rayleigh[i] = (float)(density * spectrum_power_law(air->rayleigh_scattering_per_m, wavelength_nm));
+	bands->aerosol_scattering[i] = (float)aerosol;
+	bands->aerosol_extinction[i] = (float)(aerosol + absorbed);
+	bands->ozone[i] = (float)(air->ozone_column_du * dobson_per_m2 * spectrum_ozone(wavelength_nm) /
+				  air->ozone_half_width_m);
+	bands->ground_albedo[i] = (float)spectrum_linear(request->ground_albedo, wavelength_nm);
+	for (int k = 0; k < 3; k++) {
+		bands->daylight[k][i] = (float)daylight[k];
+		bands->to_rgb[k][i] = (float)to_rgb[k];
+	}
+}
+
+static void set_bands(struct scene *scene, const struct welkin_request *request, const double *wavelengths_nm, int n)
+{
+	static const double none[3] = { 0, 0, 0 };
+	double bands_nm[WELKIN_MAX_WAVELENGTHS], to_rgb[WELKIN_MAX_WAVELENGTHS][3];
+	memset(to_rgb, 0, sizeof to_rgb);
+	if (!wavelengths_nm) {
+		n = spectrum_bands(request->atmosphere.spectrum, bands_nm, to_rgb);
+		wavelengths_nm = bands_nm;
+	}
+	scene->n_bands = n;
+	scene->n_batches = (n + 3) / 4;
+	for (int lane = 0; lane < scene->n_batches * 4; lane++) {
+		const int band = lane < n ? lane : n - 1; /* padding costs nothing and changes nothing: weight 0 */
+		set_band(&scene->batches[lane / 4], lane % 4, request, wavelengths_nm[band],
+			lane < n ? to_rgb[lane] : none);
+	}
+}
+
+void scene_prepare(struct scene *scene, const struct welkin_request *request, const double *wavelengths_nm, int n)
+{
+	memset(scene, 0, offsetof(struct scene, nodes));
+	struct FrameBlock *frame = &scene->frame;
+	frame->width = request->image.width;
+	frame->height = request->image.height;
+	frame->projection = request->image.projection;
+	frame->cube_face = request->image.cube_face;
+	frame->tone_map = request->tone_map;
+	frame->dither = request->image.dither;
+	frame->seed = request->seed;
+	frame->exposure_scale = 1;
+	set_camera(frame, request);
+	set_sun(frame, &request->sun);
+	set_media(scene, &request->atmosphere);
+	set_bands(scene, request, wavelengths_nm, n);
+}

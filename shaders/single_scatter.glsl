@@ -1,0 +1,157 @@
+/*
+ * Single scattering along a view ray: the integral of (phase · scattering · sunlight · transmittance)
+ * over the lit part of the ray inside the air, and the ground lit by the attenuated sun behind it.
+ * A method that includes this defines
+ *
+ *     vec3 sun_column(float h, float mu_s);
+ *
+ * the column of each medium from a point at altitude h towards a sun at cosine mu_s, for a sun
+ * above the point's horizon. Methods differ in that function only.
+ *
+ * Accuracy for few steps: the ray is cut where the integrand has kinks — at its lowest point and
+ * where it enters and leaves the planet's shadow, a cylinder for a distant sun — and each piece is
+ * integrated by a Gauss-Legendre rule on s with t ~ s² from the dense end. The view column up to a
+ * node is carried along by the trapezoid rule with its end correction (Abramowitz & Stegun
+ * 25.4.7 with one term: -dt²/12 times the difference of the end slopes), fourth order for the cost of a
+ * multiplication, since the slope of an exponential is known.
+ */
+#include "column.glsl"
+
+vec3 sun_column(float h, float mu_s);
+
+/* Part of the L last returned by single_scatter that the ground reflected. */
+vec4 ground_reflected = vec4(0.0);
+
+struct ViewRay {
+	float h, mu;   /* start, inside the air */
+	float mu_s;    /* cosine between the sun and the vertical at the start */
+	float nu;      /* cosine between the ray and the sun */
+	float length;  /* to the ground or to the top */
+};
+
+/* Where the ray is inside the planet's shadow: x to y, x >= y when nowhere. */
+vec2 shadow_interval(ViewRay ray, vec3 view, vec3 to_sun)
+{
+	float R = media.planet_radius, r = R + ray.h;
+	/* squared distance from the shadow's axis minus R²: a t² + 2 b t + c */
+	vec3 across = cross(view, to_sun);
+	float a = max(dot(across, across), 1e-12);
+	float b = r * (ray.mu - ray.mu_s * ray.nu);
+	float c = ray.h * (2.0 * R + ray.h) - (r * ray.mu_s) * (r * ray.mu_s);
+	float disc = b * b - a * c;
+	if (disc <= 0.0)
+		return vec2(1.0, 0.0);
+	float q = -(b + (b < 0.0 ? -1.0 : 1.0) * sqrt(disc));
+	float t0 = q / a, t1 = abs(q) > 0.0 ? c / q : t0;
+	vec2 inside = vec2(max(min(t0, t1), 0.0), min(max(t0, t1), ray.length));
+	/* the cylinder in front of the planet is lit */
+	float middle = 0.5 * (inside.x + inside.y);
+	return r * ray.mu_s + ray.nu * middle < 0.0 ? inside : vec2(1.0, 0.0);
+}
+
+struct Integral {
+	vec3 column;       /* of the view ray up to t */
+	float t;
+	vec3 density, slope; /* at t; slope by t */
+	vec4 rayleigh, aerosol; /* sunlight scattered so far, without phase and coefficients */
+};
+
+/* Carries the column from integral.t to t. */
+void advance(inout Integral integral, ViewRay ray, float t, out float h, out float mu)
+{
+	h = altitude_at(ray.h, ray.mu, t);
+	mu = mu_at(ray.h, ray.mu, t, h);
+	vec3 density = density_at(h), slope = density_slope(h, density) * mu;
+	float dt = t - integral.t;
+	vec3 corrected = dt * 0.5 * (density + integral.density) - dt * dt / 12.0 * (slope - integral.slope);
+	integral.column += max(corrected, 0.0);
+	integral.density = density;
+	integral.slope = slope;
+	integral.t = t;
+}
+
+void integrate(inout Integral integral, ViewRay ray, Piece piece, bool lit, ivec2 rule)
+{
+	float h, mu;
+	for (int i = 0; i < rule.y; i++) {
+		vec2 n = node[rule.x + i];
+		float jacobian, t = piece_position(piece, n.x, jacobian);
+		advance(integral, ray, t, h, mu);
+		if (!lit)
+			continue;
+		float mu_s = ((media.planet_radius + ray.h) * ray.mu_s + t * ray.nu) / (media.planet_radius + h);
+		vec4 light = exp(-optical_depth(integral.column + sun_column(h, clamp(mu_s, -1.0, 1.0)))) *
+			     (n.y * jacobian);
+		integral.rayleigh += light * integral.density.x;
+		integral.aerosol += light * integral.density.y;
+	}
+	advance(integral, ray, piece.start + piece.length, h, mu);
+}
+
+/* Integrates from `from` to `to`, cut at the lowest point when that lies between. */
+void integrate_stretch(inout Integral integral, ViewRay ray, float from, float to, float lowest, bool lit, ivec2 rule)
+{
+	float cut = clamp(lowest, from, to);
+	if (cut > from)
+		integrate(integral, ray, Piece(from, cut - from, true), lit, rule);
+	if (to > cut)
+		integrate(integral, ray, Piece(cut, to - cut, false), lit, rule);
+}
+
+/* Radiance per band towards the camera at altitude h of a ray (view, mu; sine to the vertical), and
+ * the transmittance to space (0 where the ray meets the ground). */
+void single_scatter(vec3 view, vec3 vertical, float h, float mu, out vec4 L, out vec4 T)
+{
+	L = vec4(0.0);
+	T = vec4(1.0);
+	ground_reflected = vec4(0.0);
+	vec3 to_sun = frame.sun_direction.xyz;
+	float r = media.planet_radius + h, mu_s_camera = dot(vertical, to_sun);
+
+	ViewRay ray;
+	ray.h = h;
+	ray.mu = mu;
+	float entered = ray_enter(ray.h, ray.mu, length(cross(view, vertical)));
+	if (entered < 0.0)
+		return;
+	ray.nu = dot(view, to_sun);
+	ray.mu_s = clamp((r * mu_s_camera + entered * ray.nu) / (media.planet_radius + ray.h), -1.0, 1.0);
+	float ground = ray_ground_distance(ray.h, ray.mu);
+	ray.length = ground >= 0.0 ? ground : ray_top_distance(ray.h, ray.mu);
+
+	float lowest = -(media.planet_radius + ray.h) * ray.mu;
+	vec2 dark = shadow_interval(ray, view, to_sun);
+	bool shadowed = dark.y > dark.x;
+	if (!shadowed)
+		dark = vec2(ray.length);
+	bool bent = lowest > 0.0 && lowest < ray.length;
+	int pieces = 1 + int(bent) + (shadowed ? int(dark.x > 0.0) + int(dark.y < ray.length) : 0);
+	ivec2 rule = media.rule[RULE_VIEW + min(pieces, 4) - 1].xy;
+
+	Integral integral;
+	integral.column = vec3(0.0);
+	integral.t = 0.0;
+	integral.density = density_at(ray.h);
+	integral.slope = density_slope(ray.h, integral.density) * ray.mu;
+	integral.rayleigh = integral.aerosol = vec4(0.0);
+	integrate_stretch(integral, ray, 0.0, dark.x, lowest, true, rule);
+	if (shadowed) {
+		integrate_stretch(integral, ray, dark.x, dark.y, lowest, false, rule);
+		integrate_stretch(integral, ray, dark.y, ray.length, lowest, true, rule);
+	}
+
+	L = bands.sun_irradiance * (bands.rayleigh * integral.rayleigh * phase_rayleigh(ray.nu) +
+				    bands.aerosol_scattering * integral.aerosol * phase_aerosol(ray.nu));
+	T = exp(-optical_depth(integral.column));
+	if (ground < 0.0)
+		return;
+	if ((frame.features & FEATURE_GROUND) != 0) {
+		float mu_s = ((media.planet_radius + ray.h) * ray.mu_s + ground * ray.nu) / media.planet_radius;
+		if (mu_s > 0.0) {
+			vec4 sunlight = bands.sun_irradiance * mu_s * exp(-optical_depth(sun_column(0.0, min(mu_s, 1.0))));
+			ground_reflected = T * bands.ground_albedo * sunlight / PI;
+			L += ground_reflected;
+		}
+	}
+	T = vec4(0.0);
+}
