@@ -17,7 +17,7 @@ ifneq ($(filter default undefined,$(origin CC)),)
 CC := gcc
 endif
 
-BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR cglm libnova libsystemd inih libcjson zlib
+BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR cglm libsystemd inih libcjson zlib
 TEST_PKGS  := cmocka libcurl gsl
 
 WARN   := -Wall -Wextra -Werror -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith -Wvla \
@@ -33,7 +33,7 @@ SAN_FLAGS := -fsanitize=$(SANITIZER) -fno-omit-frame-pointer -fno-sanitize-recov
 endif
 PKG_CFLAGS = $(shell pkg-config --cflags $(BUILD_PKGS) 2>/dev/null)
 PKG_LIBS   = $(shell pkg-config --libs $(BUILD_PKGS) 2>/dev/null)
-LIBS       = $(PKG_LIBS) -lpthread -lm
+LIBS       = $(PKG_LIBS) -lnova -lpthread -lm # libnova has no .pc file
 
 # ---- sources ----
 API_SRC    := $(sort $(wildcard api/*.c))
