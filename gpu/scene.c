@@ -128,7 +128,6 @@ static void set_media(struct scene *scene, const struct welkin_atmosphere *air)
 	media->steps = air->steps;
 	media->light_steps = air->light_steps;
 	media->turbidity = (float)air->turbidity;
-	media->density_factor = (float)air->density_factor;
 	for (int pieces = 1; pieces <= 4; pieces++)
 		add_rule(scene, RULE_VIEW + pieces - 1, at_least_one(air->steps / pieces));
 	for (int pieces = 1; pieces <= 2; pieces++) {
@@ -162,11 +161,26 @@ static void set_band(struct BandsBlock *bands, int i, const struct welkin_reques
 	}
 }
 
+/* The luminance of each CIE daylight component, by the 5 nm sum of its product with ybar. */
+static void daylight_luminance(double out[3])
+{
+	out[0] = out[1] = out[2] = 0;
+	for (int nm = 360; nm <= 830; nm += 5) {
+		double xyz[3], s[3];
+		spectrum_cie(nm, xyz);
+		spectrum_daylight(nm, s);
+		for (int k = 0; k < 3; k++)
+			out[k] += 683 * 5 * xyz[1] * s[k];
+	}
+}
+
 static void set_bands(struct scene *scene, const struct welkin_request *request, const double *wavelengths_nm, int n)
 {
 	static const double none[3] = { 0, 0, 0 };
 	double bands_nm[WELKIN_MAX_WAVELENGTHS], to_rgb[WELKIN_MAX_WAVELENGTHS][3];
+	double luminance[3];
 	memset(to_rgb, 0, sizeof to_rgb);
+	daylight_luminance(luminance);
 	if (!wavelengths_nm) {
 		n = spectrum_bands(request->atmosphere.spectrum, bands_nm, to_rgb);
 		wavelengths_nm = bands_nm;
@@ -177,6 +191,7 @@ static void set_bands(struct scene *scene, const struct welkin_request *request,
 		const int band = lane < n ? lane : n - 1; /* padding costs nothing and changes nothing: weight 0 */
 		set_band(&scene->batches[lane / 4], lane % 4, request, wavelengths_nm[band],
 			lane < n ? to_rgb[lane] : none);
+		to_vec4(scene->batches[lane / 4].daylight_luminance, luminance, 0);
 	}
 }
 
@@ -195,5 +210,6 @@ void scene_prepare(struct scene *scene, const struct welkin_request *request, co
 	set_camera(frame, request);
 	set_sun(frame, &request->sun);
 	set_media(scene, &request->atmosphere);
+	scene->media.sun_intensity = (float)request->sun.intensity;
 	set_bands(scene, request, wavelengths_nm, n);
 }

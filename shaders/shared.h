@@ -91,7 +91,7 @@ WELKIN_BLOCK(MediaBlock, BIND_MEDIA)
 	int aerosol_phase;                     /* PHASE_ */
 	int steps, light_steps;
 	float turbidity;
-	float density_factor;                  /* already in the Bands coefficients; kept for analytic methods */
+	float sun_intensity;                   /* already in the bands' irradiance; for skies given in luminance */
 	ivec4 rule[RULE_COUNT];                /* quadrature rules in BIND_NODES: x first node, y how many */
 WELKIN_BLOCK_END(media)
 
@@ -104,7 +104,8 @@ WELKIN_BLOCK(BandsBlock, BIND_BANDS)
 	vec4 aerosol_extinction;
 	vec4 ozone;            /* absorption, 1/m at the tent's peak */
 	vec4 ground_albedo;
-	vec4 daylight[3];      /* CIE daylight components S0, S1, S2 at the wavelengths, for Preetham */
+	vec4 daylight[3];      /* CIE daylight components S0, S1, S2 at the wavelengths */
+	vec4 daylight_luminance; /* xyz: 683 lm/W times the integral of each component times ybar, in cd/m² */
 	vec4 to_rgb[3];        /* rows: linear Rec.709 in cd/m² from the four radiances */
 WELKIN_BLOCK_END(bands)
 
