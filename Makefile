@@ -31,8 +31,8 @@ ifneq ($(SANITIZER),)
 comma := ,
 SAN_FLAGS := -fsanitize=$(SANITIZER) -fno-omit-frame-pointer -fno-sanitize-recover=all
 endif
-PKG_CFLAGS = $(shell pkg-config --cflags $(BUILD_PKGS) 2>/dev/null)
-PKG_LIBS   = $(shell pkg-config --libs $(BUILD_PKGS) 2>/dev/null)
+PKG_CFLAGS = $(eval PKG_CFLAGS := $$(shell pkg-config --cflags $(BUILD_PKGS) $(TEST_PKGS) 2>/dev/null))$(PKG_CFLAGS)
+PKG_LIBS   = $(eval PKG_LIBS := $$(shell pkg-config --libs $(BUILD_PKGS) 2>/dev/null))$(PKG_LIBS)
 LIBS       = $(PKG_LIBS) -lnova -lpthread -lm # libnova has no .pc file
 
 # ---- sources ----

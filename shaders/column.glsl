@@ -5,11 +5,11 @@
 
 layout(std430, binding = BIND_NODES) readonly buffer Nodes { vec2 node[]; };
 
-/* A stretch of a ray on which altitude rises or falls throughout, from t = start over length. The
- * dense end gets more samples: t - start = length·s² from a dense start, mirrored for a dense
+/* A stretch of a ray on which altitude rises or falls throughout, from t = start over extent. The
+ * dense end gets more samples: t - start = extent·s² from a dense start, mirrored for a dense
  * end. fall is true for a dense end. */
 struct Piece {
-	float start, length;
+	float start, extent;
 	bool fall;
 };
 
@@ -17,9 +17,9 @@ struct Piece {
 float piece_position(Piece piece, float s, out float jacobian)
 {
 	float u = piece.fall ? 1.0 - s : s;
-	jacobian = 2.0 * u * piece.length;
-	float x = u * u * piece.length;
-	return piece.start + (piece.fall ? piece.length - x : x);
+	jacobian = 2.0 * u * piece.extent;
+	float x = u * u * piece.extent;
+	return piece.start + (piece.fall ? piece.extent - x : x);
 }
 
 vec3 piece_column(float h, float mu, Piece piece, ivec2 rule)
@@ -37,11 +37,11 @@ vec3 piece_column(float h, float mu, Piece piece, ivec2 rule)
  * index of the rule for one piece; the one after it is for two. */
 vec3 column_to_top(float h, float mu, int rules)
 {
-	float length = ray_top_distance(h, mu);
+	float extent = ray_top_distance(h, mu);
 	if (mu >= 0.0)
-		return piece_column(h, mu, Piece(0.0, length, false), media.rule[rules].xy);
-	float lowest = min(-(media.planet_radius + h) * mu, length);
+		return piece_column(h, mu, Piece(0.0, extent, false), media.rule[rules].xy);
+	float lowest = min(-(media.planet_radius + h) * mu, extent);
 	ivec2 rule = media.rule[rules + 1].xy;
 	return piece_column(h, mu, Piece(0.0, lowest, true), rule) +
-	       piece_column(h, mu, Piece(lowest, length - lowest, false), rule);
+	       piece_column(h, mu, Piece(lowest, extent - lowest, false), rule);
 }

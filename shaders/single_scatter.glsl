@@ -26,7 +26,7 @@ struct ViewRay {
 	float h, mu;   /* start, inside the air */
 	float mu_s;    /* cosine between the sun and the vertical at the start */
 	float nu;      /* cosine between the ray and the sun */
-	float length;  /* to the ground or to the top */
+	float extent;  /* to the ground or to the top */
 };
 
 /* Where the ray is inside the planet's shadow: x to y, x >= y when nowhere. */
@@ -43,7 +43,7 @@ vec2 shadow_interval(ViewRay ray, vec3 view, vec3 to_sun)
 		return vec2(1.0, 0.0);
 	float q = -(b + (b < 0.0 ? -1.0 : 1.0) * sqrt(disc));
 	float t0 = q / a, t1 = abs(q) > 0.0 ? c / q : t0;
-	vec2 inside = vec2(max(min(t0, t1), 0.0), min(max(t0, t1), ray.length));
+	vec2 inside = vec2(max(min(t0, t1), 0.0), min(max(t0, t1), ray.extent));
 	/* the cylinder in front of the planet is lit */
 	float middle = 0.5 * (inside.x + inside.y);
 	return r * ray.mu_s + ray.nu * middle < 0.0 ? inside : vec2(1.0, 0.0);
@@ -85,7 +85,7 @@ void integrate(inout Integral integral, ViewRay ray, Piece piece, bool lit, ivec
 		integral.rayleigh += light * integral.density.x;
 		integral.aerosol += light * integral.density.y;
 	}
-	advance(integral, ray, piece.start + piece.length, h, mu);
+	advance(integral, ray, piece.start + piece.extent, h, mu);
 }
 
 /* Integrates from `from` to `to`, cut at the lowest point when that lies between. */
@@ -117,15 +117,15 @@ void single_scatter(vec3 view, vec3 vertical, float h, float mu, out vec4 L, out
 	ray.nu = dot(view, to_sun);
 	ray.mu_s = clamp((r * mu_s_camera + entered * ray.nu) / (media.planet_radius + ray.h), -1.0, 1.0);
 	float ground = ray_ground_distance(ray.h, ray.mu);
-	ray.length = ground >= 0.0 ? ground : ray_top_distance(ray.h, ray.mu);
+	ray.extent = ground >= 0.0 ? ground : ray_top_distance(ray.h, ray.mu);
 
 	float lowest = -(media.planet_radius + ray.h) * ray.mu;
 	vec2 dark = shadow_interval(ray, view, to_sun);
 	bool shadowed = dark.y > dark.x;
 	if (!shadowed)
-		dark = vec2(ray.length);
-	bool bent = lowest > 0.0 && lowest < ray.length;
-	int pieces = 1 + int(bent) + (shadowed ? int(dark.x > 0.0) + int(dark.y < ray.length) : 0);
+		dark = vec2(ray.extent);
+	bool bent = lowest > 0.0 && lowest < ray.extent;
+	int pieces = 1 + int(bent) + (shadowed ? int(dark.x > 0.0) + int(dark.y < ray.extent) : 0);
 	ivec2 rule = media.rule[RULE_VIEW + min(pieces, 4) - 1].xy;
 
 	Integral integral;
@@ -137,7 +137,7 @@ void single_scatter(vec3 view, vec3 vertical, float h, float mu, out vec4 L, out
 	integrate_stretch(integral, ray, 0.0, dark.x, lowest, true, rule);
 	if (shadowed) {
 		integrate_stretch(integral, ray, dark.x, dark.y, lowest, false, rule);
-		integrate_stretch(integral, ray, dark.y, ray.length, lowest, true, rule);
+		integrate_stretch(integral, ray, dark.y, ray.extent, lowest, true, rule);
 	}
 
 	L = bands.sun_irradiance * (bands.rayleigh * integral.rayleigh * phase_rayleigh(ray.nu) +
