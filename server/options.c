@@ -43,7 +43,7 @@ static const struct option table[] = {
 	{ "idle-deadline-s", DOUBLE(idle_deadline_s), "60", 0.1, 86400, "S", "a kept-alive connection without a request is closed after that" },
 	{ "reply-deadline-s", DOUBLE(reply_deadline_s), "120", 0.1, 86400, "S", "longest time for a client to take its answer" },
 	{ "queue", INT(queue), "256", 1, 65536, "N", "renders that may wait; more get 429" },
-	{ "in-flight", INT(in_flight), "4", 1, 64, "N", "renders handed to the renderer at once; half of them may be large" },
+	{ "in-flight", INT(in_flight), "4", 1, 16, "N", "renders handed to the renderer at once; half of them may be large" },
 	{ "slice-ms", DOUBLE(slice_ms), "8", 0.1, 1000, "MS", "aimed length of one dispatch between two looks for other work" },
 	{ "cache-mib", INT(cache_mib), "256", 0, 1048576, "MIB", "memory for encoded images; 0 keeps none" },
 	{ "table-mib", INT(table_mib), "256", 1, 1048576, "MIB", "memory for tables on the device" },

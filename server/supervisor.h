@@ -1,0 +1,43 @@
+#ifndef WELKIN_SERVER_SUPERVISOR_H
+#define WELKIN_SERVER_SUPERVISOR_H
+
+#include "api/error.h"
+#include "gpu/job.h"
+
+#include <sys/types.h>
+
+/*
+ * Keeps one renderer process alive and carries messages to and from it. A thread of its own starts
+ * the process (so that the parent-death signal, which follows the starting thread, means the
+ * server), reads its messages, watches its silence and its end, and starts the next one.
+ */
+struct supervisor;
+
+struct supervisor_config {
+	const char *program; /* "": this binary */
+	const char *device, *shader_dir;
+	double slice_ms, table_mib;
+	double watchdog_s; /* silence after which a renderer is killed */
+	double startup_s;  /* the same before it is ready */
+
+	/* All run on the supervisor's thread, one at a time, without locks of the supervisor. */
+	void (*ready)(void *cls, const struct welkin_device *device);
+	void (*result)(void *cls, const struct welkin_result *result);
+	void (*lost)(void *cls, const char *reason, bool was_ready); /* whatever it was sent will have no result */
+	void (*tick)(void *cls); /* at least every 100 ms */
+	void *cls;
+};
+
+struct supervisor *supervisor_start(const struct supervisor_config *config, struct error *err);
+
+/* From any thread. false when no renderer is there to take it. */
+bool supervisor_send_job(struct supervisor *supervisor, const struct welkin_job *job, int memfd);
+void supervisor_cancel(struct supervisor *supervisor, uint64_t id);
+
+pid_t supervisor_pid(struct supervisor *supervisor); /* 0 when none runs */
+
+/* Closes the renderer's socket, gives it two seconds to leave, kills it otherwise, reaps it. No
+ * callback runs after it returns. NULL is fine. */
+void supervisor_stop(struct supervisor *supervisor);
+
+#endif
