@@ -6,7 +6,7 @@
  *     vec3 sun_column(float h, float mu_s);
  *
  * the column of each medium from a point at altitude h towards a sun at cosine mu_s, for a sun
- * above the point's horizon. Methods differ in that function only.
+ * above the point's horizon. Methods differ in that function only. Comes after sky.glsl.
  *
  * Accuracy for few steps: the ray is cut where the integrand has kinks — at its lowest point and
  * where it enters and leaves the planet's shadow, a cylinder for a distant sun — and each piece is
@@ -18,9 +18,6 @@
 #include "column.glsl"
 
 vec3 sun_column(float h, float mu_s);
-
-/* Part of the L last returned by single_scatter that the ground reflected. */
-vec4 ground_reflected = vec4(0.0);
 
 struct ViewRay {
 	float h, mu;   /* start, inside the air */
