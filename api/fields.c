@@ -1,0 +1,170 @@
+#include "api/api.h"
+
+#include <string.h>
+
+/*
+ * The one table of request fields. Queries, JSON, validation, canonical text, the OpenAPI document, the
+ * command line's help and the page's form are all made from it; its order is theirs. Fields of
+ * one group stand together. A field whose default_text is "" gets its value in resolve.c.
+ */
+
+static const char *const projections[] = { "perspective", "equirectangular", "fisheye", "cube_face", "cubemap", NULL };
+static const char *const cube_faces[] = { "front", "right", "back", "left", "up", "down", NULL };
+static const char *const layers[] = { "depth", "transmittance", "inscatter", NULL };
+static const char *const png_bits[] = { "8", "16", NULL };
+static const char *const exr_types[] = { "half", "float", NULL };
+static const char *const exr_compressions[] = { "none", "rle", "zips", "zip", "piz", NULL };
+static const char *const presets[] = { "earth", "madrid2015", "rayleigh", NULL };
+static const char *const spectra[] = { "rgb", "4", NULL };
+static const char *const sun_spectra[] = { "solar", "flat", NULL };
+static const char *const phases[] = { "cornette_shanks", "henyey_greenstein", "schlick", NULL };
+static const char *const exposure_modes[] = { "auto", "ev", "pupil", NULL };
+static const char *const tone_maps[] = { "agx", "aces", "reinhard", "exponential", "none", NULL };
+
+#define AT(member) offsetof(struct welkin_request, member)
+
+const struct welkin_field welkin_fields[] = {
+	{ "image.width", WELKIN_TYPE_INT, "px", 1, 16384, "",
+	  "Width. Default: 1280 for perspective and cubemap, 1024 for equirectangular and fisheye, 512 for cube_face; "
+	  "when only the height is given, the same shape at that height.",
+	  NULL, AT(image.width) },
+	{ "image.height", WELKIN_TYPE_INT, "px", 1, 16384, "",
+	  "Height. Default: 720 for perspective, 512 for equirectangular and cube_face, 1024 for fisheye, 960 for cubemap; "
+	  "when only the width is given, the same shape at that width.",
+	  NULL, AT(image.height) },
+	{ "image.projection", WELKIN_TYPE_ENUM, "", 0, 0, "perspective",
+	  "How directions fall on the image: perspective (rectilinear), equirectangular (360 by 180 degrees), fisheye "
+	  "(equidistant dome), cube_face (one square face of 90 degrees) or cubemap (horizontal cross of six faces, 4:3).",
+	  projections, AT(image.projection) },
+	{ "image.cube_face", WELKIN_TYPE_ENUM, "", 0, 0, "front",
+	  "Which face, seen from the camera's heading and pitch; for the projection cube_face.", cube_faces,
+	  AT(image.cube_face) },
+	{ "image.layers", WELKIN_TYPE_FLAGS, "", 0, 0, "",
+	  "Extra layers of an EXR image: distance to the ground in metres, transmittance along the ray, light scattered into the ray.",
+	  layers, AT(image.layers) },
+	{ "image.png_bits", WELKIN_TYPE_INT, "bit", 8, 16, "8", "Bits per channel of a PNG image: 8 or 16.", png_bits,
+	  AT(image.png_bits) },
+	{ "image.exr_type", WELKIN_TYPE_ENUM, "", 0, 0, "half", "Number format of the colours of an EXR image.", exr_types,
+	  AT(image.exr_type) },
+	{ "image.exr_compression", WELKIN_TYPE_ENUM, "", 0, 0, "zip", "Compression of an EXR image; all are lossless.",
+	  exr_compressions, AT(image.exr_compression) },
+	{ "image.embed_timing", WELKIN_TYPE_BOOL, "", 0, 1, "false",
+	  "Write the timings into the file as well. Two renders of the same request then differ in their bytes.", NULL,
+	  AT(image.embed_timing) },
+	{ "image.dither", WELKIN_TYPE_BOOL, "", 0, 1, "true",
+	  "Add noise of one step to 8-bit images after tone mapping, so that twilight shows no bands.", NULL, AT(image.dither) },
+
+	{ "camera.position_m", WELKIN_TYPE_VEC3, "m", -2e8, 2e8, "",
+	  "Position x (east), y (up), z (south) from sea level at the place. Default: at camera.altitude_m above the place.",
+	  NULL, AT(camera.position_m) },
+	{ "camera.altitude_m", WELKIN_TYPE_DOUBLE, "m", 0, 1e8, "1.7",
+	  "Height above sea level. Follows from camera.position_m when that is given; both given must agree.", NULL,
+	  AT(camera.altitude_m) },
+	{ "camera.heading_deg", WELKIN_TYPE_DOUBLE, "deg", -360, 360, "",
+	  "Direction of view, clockwise from north. Default: towards the sun.", NULL, AT(camera.heading_deg) },
+	{ "camera.pitch_deg", WELKIN_TYPE_DOUBLE, "deg", -90, 90, "0", "Tilt of the view: up is positive, 0 looks at the horizon.",
+	  NULL, AT(camera.pitch_deg) },
+	{ "camera.roll_deg", WELKIN_TYPE_DOUBLE, "deg", -180, 180, "0", "Turn about the line of sight: clockwise is positive.",
+	  NULL, AT(camera.roll_deg) },
+	{ "camera.fov_deg", WELKIN_TYPE_DOUBLE, "deg", 0.01, 360, "",
+	  "Field of view across the image's height; up to 179 for perspective, where 60 is the default, and 360 for fisheye, "
+	  "where 180 is. Without effect for the other projections.",
+	  NULL, AT(camera.fov_deg) },
+
+	{ "sun.elevation_deg", WELKIN_TYPE_DOUBLE, "deg", -90, 90, "",
+	  "Height of the sun's centre above the horizon at the place, without refraction. Default: from time and place.", NULL,
+	  AT(sun.elevation_deg) },
+	{ "sun.azimuth_deg", WELKIN_TYPE_DOUBLE, "deg", -360, 360, "",
+	  "Direction of the sun, clockwise from north. Default: from time and place.", NULL, AT(sun.azimuth_deg) },
+	{ "sun.disk", WELKIN_TYPE_BOOL, "", 0, 1, "true", "Draw the sun's disk.", NULL, AT(sun.disk) },
+	{ "sun.intensity", WELKIN_TYPE_DOUBLE, "", 0, 1e6, "1", "Factor on the sun's irradiance.", NULL, AT(sun.intensity) },
+	{ "sun.angular_radius_deg", WELKIN_TYPE_DOUBLE, "deg", 0.01, 45, "0.2666", "Angular radius of the sun's disk.", NULL,
+	  AT(sun.angular_radius_deg) },
+	{ "sun.spectrum", WELKIN_TYPE_ENUM, "", 0, 0, "",
+	  "Irradiance at the top of the atmosphere: solar (ASTM G-173) or flat (1 W/m2/nm). Default: the preset's.", sun_spectra,
+	  AT(sun.spectrum) },
+
+	{ "time", WELKIN_TYPE_TIME, "", 0, 0, "2026-06-21T00:00:00Z",
+	  "Date and time by RFC 3339, with Z or an offset from UTC, years 0000 to 9999.", NULL, AT(time_ms) },
+	{ "place.latitude_deg", WELKIN_TYPE_DOUBLE, "deg", -90, 90, "35.3606", "Latitude, north positive. Default: Mount Fuji.",
+	  NULL, AT(latitude_deg) },
+	{ "place.longitude_deg", WELKIN_TYPE_DOUBLE, "deg", -180, 180, "138.7274", "Longitude, east positive.", NULL,
+	  AT(longitude_deg) },
+
+	{ "atmosphere.preset", WELKIN_TYPE_ENUM, "", 0, 0, "earth",
+	  "Where coefficients that are not given come from; /v1/presets lists the numbers.", presets, AT(atmosphere.preset) },
+	{ "atmosphere.method", WELKIN_TYPE_ENUM, "", 0, 0, "depth_table",
+	  "How the sky is computed; /v1/methods says what each does and where it fails.", welkin_method_names,
+	  AT(atmosphere.method) },
+	{ "atmosphere.steps", WELKIN_TYPE_INT, "", 1, 1024, "30", "Samples along a ray.", NULL, AT(atmosphere.steps) },
+	{ "atmosphere.light_steps", WELKIN_TYPE_INT, "", 1, 1024, "30",
+	  "Samples from each of them towards the sun, for methods that march there.", NULL, AT(atmosphere.light_steps) },
+	{ "atmosphere.spectrum", WELKIN_TYPE_ENUM, "", 0, 0, "4",
+	  "Wavelengths of an image: rgb takes the coefficients at 680, 550 and 440 nm as red, green and blue; 4 renders four "
+	  "wavelengths and converts them by a fitted matrix.",
+	  spectra, AT(atmosphere.spectrum) },
+	{ "atmosphere.max_order", WELKIN_TYPE_INT, "", 0, 100, "0",
+	  "Highest order of scattering, for methods that have several; 0 for all they have.", NULL, AT(atmosphere.max_order) },
+	{ "atmosphere.turbidity", WELKIN_TYPE_DOUBLE, "", 1, 30, "3", "Haziness, for the analytic methods.", NULL,
+	  AT(atmosphere.turbidity) },
+	{ "atmosphere.density_factor", WELKIN_TYPE_DOUBLE, "", 0, 100, "1", "Factor on the density of molecules and aerosol.",
+	  NULL, AT(atmosphere.density_factor) },
+	{ "atmosphere.planet_radius_m", WELKIN_TYPE_DOUBLE, "m", 1e4, 1e8, "", "Radius of the planet at sea level.", NULL,
+	  AT(atmosphere.planet_radius_m) },
+	{ "atmosphere.top_m", WELKIN_TYPE_DOUBLE, "m", 1e3, 1e6, "", "Height of the atmosphere's top above sea level.", NULL,
+	  AT(atmosphere.top_m) },
+	{ "atmosphere.rayleigh.scattering_per_m", WELKIN_TYPE_TRIPLE, "1/m", 0, 0.1, "",
+	  "Scattering coefficient of molecules at sea level, at 680, 550 and 440 nm.", NULL,
+	  AT(atmosphere.rayleigh_scattering_per_m) },
+	{ "atmosphere.rayleigh.scale_height_m", WELKIN_TYPE_DOUBLE, "m", 10, 1e6, "",
+	  "Height over which the density of molecules falls by a factor of e.", NULL, AT(atmosphere.rayleigh_scale_height_m) },
+	{ "atmosphere.aerosol.scattering_per_m", WELKIN_TYPE_TRIPLE, "1/m", 0, 0.1, "",
+	  "Scattering coefficient of aerosol at sea level, at 680, 550 and 440 nm.", NULL,
+	  AT(atmosphere.aerosol_scattering_per_m) },
+	{ "atmosphere.aerosol.absorption_per_m", WELKIN_TYPE_TRIPLE, "1/m", 0, 0.1, "",
+	  "Absorption coefficient of aerosol at sea level, at 680, 550 and 440 nm.", NULL,
+	  AT(atmosphere.aerosol_absorption_per_m) },
+	{ "atmosphere.aerosol.scale_height_m", WELKIN_TYPE_DOUBLE, "m", 10, 1e6, "",
+	  "Height over which the density of aerosol falls by a factor of e.", NULL, AT(atmosphere.aerosol_scale_height_m) },
+	{ "atmosphere.aerosol.g", WELKIN_TYPE_DOUBLE, "", -0.999, 0.999, "",
+	  "Asymmetry of the aerosol's phase function: forward is positive.", NULL, AT(atmosphere.aerosol_g) },
+	{ "atmosphere.aerosol.phase", WELKIN_TYPE_ENUM, "", 0, 0, "",
+	  "Phase function of the aerosol. Default: the preset's.", phases, AT(atmosphere.aerosol_phase) },
+	{ "atmosphere.ozone.column_du", WELKIN_TYPE_DOUBLE, "DU", 0, 1e5, "", "Ozone in a vertical column, in Dobson units.", NULL,
+	  AT(atmosphere.ozone_column_du) },
+	{ "atmosphere.ozone.center_m", WELKIN_TYPE_DOUBLE, "m", 0, 1e6, "",
+	  "Height where ozone is densest; above and below it falls linearly to nothing.", NULL, AT(atmosphere.ozone_center_m) },
+	{ "atmosphere.ozone.half_width_m", WELKIN_TYPE_DOUBLE, "m", 1, 1e6, "",
+	  "Distance from there to where it is nothing.", NULL, AT(atmosphere.ozone_half_width_m) },
+
+	{ "ground.albedo", WELKIN_TYPE_TRIPLE, "", 0, 1, "", "Share of light the ground reflects, at 680, 550 and 440 nm.", NULL,
+	  AT(ground_albedo) },
+
+	{ "exposure.mode", WELKIN_TYPE_ENUM, "", 0, 0, "auto",
+	  "auto meters the image; ev takes exposure.ev; pupil narrows with the angle between view and sun, as an eye does.",
+	  exposure_modes, AT(exposure_mode) },
+	{ "exposure.ev", WELKIN_TYPE_DOUBLE, "EV", -24, 32, "15", "Exposure value at ISO 100, for the mode ev; 15 is a sunny day.",
+	  NULL, AT(exposure_ev) },
+	{ "exposure.compensation_ev", WELKIN_TYPE_DOUBLE, "EV", -20, 20, "0", "Brightens the image by so many stops, in every mode.",
+	  NULL, AT(exposure_compensation) },
+	{ "tone.map", WELKIN_TYPE_ENUM, "", 0, 0, "agx", "Curve from luminance to the display, for PNG images.", tone_maps,
+	  AT(tone_map) },
+
+	{ "accuracy.max_error", WELKIN_TYPE_DOUBLE, "", 0, 10, "0",
+	  "Relative error of luminance that may be made, for choosing the method; 0 asks for nothing.", NULL, AT(max_error) },
+	{ "accuracy.budget_ms", WELKIN_TYPE_DOUBLE, "ms", 0, 3.6e6, "0", "Device time that may be spent; 0 sets no limit.", NULL,
+	  AT(budget_ms) },
+	{ "seed", WELKIN_TYPE_SEED, "", 0, 4294967295.0, "0", "Of the random numbers in noise and dither.", NULL, AT(seed) },
+};
+
+const int welkin_field_count = sizeof welkin_fields / sizeof welkin_fields[0];
+
+_Static_assert(sizeof welkin_fields / sizeof welkin_fields[0] <= WELKIN_FIELDS_MAX, "raise WELKIN_FIELDS_MAX");
+
+int welkin_field_find(const char *name)
+{
+	for (int i = 0; i < welkin_field_count; i++)
+		if (!strcmp(welkin_fields[i].name, name))
+			return i;
+	return -1;
+}
