@@ -1,0 +1,189 @@
+/* Milliseconds and bytes of the encoders on a 1280 × 720 sky, beside what general libraries make of
+ * the same pixels. Not a test: run it by hand or through `make bench`. */
+#include "tests/lib_pictures.h"
+
+#include <libdeflate.h>
+#include <png.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+enum { WIDTH = 1280, HEIGHT = 720, RUNS = 15 };
+
+static double now_ms(void)
+{
+	struct timespec t;
+	clock_gettime(CLOCK_MONOTONIC, &t);
+	return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+static int by_value(const void *a, const void *b)
+{
+	const double x = *(const double *)a, y = *(const double *)b;
+	return (x > y) - (x < y);
+}
+
+/* Runs it RUNS times and prints the median. */
+static void report(const char *name, size_t (*run)(void *), void *context)
+{
+	double ms[RUNS];
+	size_t bytes = run(context);
+	for (int i = 0; i < RUNS; i++) {
+		const double start = now_ms();
+		bytes = run(context);
+		ms[i] = now_ms() - start;
+	}
+	qsort(ms, RUNS, sizeof *ms, by_value);
+	printf("%-44s %8.2f ms (min %7.2f)  %9zu bytes\n", name, ms[RUNS / 2], ms[0], bytes);
+}
+
+struct subject {
+	struct welkin_request request;
+	struct welkin_file_info info;
+	void *pixels;
+};
+
+static size_t ours(void *context)
+{
+	struct subject *s = context;
+	struct welkin_bytes bytes;
+	struct error err;
+	const bool png = s->request.image.format == WELKIN_PNG;
+	if (!(png ? welkin_encode_png : welkin_encode_exr)(&s->info, s->pixels, &bytes, &err)) {
+		fprintf(stderr, "%s\n", err.text);
+		exit(1);
+	}
+	free(bytes.data);
+	return bytes.size;
+}
+
+static void count_bytes(png_structp png, png_bytep data, size_t size)
+{
+	(void)data;
+	*(size_t *)png_get_io_ptr(png) += size;
+}
+
+static void no_flush(png_structp png)
+{
+	(void)png;
+}
+
+static size_t with_libpng(const struct subject *s, int level, int filters)
+{
+	size_t bytes = 0;
+	png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
+	png_infop chunks = png_create_info_struct(png);
+	png_set_write_fn(png, &bytes, count_bytes, no_flush);
+	png_set_IHDR(png, chunks, WIDTH, HEIGHT, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+		PNG_FILTER_TYPE_DEFAULT);
+	png_set_compression_level(png, level);
+	png_set_filter(png, 0, filters);
+	png_write_info(png, chunks);
+	png_set_filler(png, 0, PNG_FILLER_AFTER);
+	for (int y = 0; y < HEIGHT; y++)
+		png_write_row(png, (png_const_bytep)s->pixels + (size_t)y * WIDTH * 4);
+	png_write_end(png, NULL);
+	png_destroy_write_struct(&png, &chunks);
+	return bytes;
+}
+
+static size_t libpng_fast(void *context)
+{
+	return with_libpng(context, 1, PNG_FILTER_SUB);
+}
+
+static size_t libpng_default(void *context)
+{
+	return with_libpng(context, 6, PNG_ALL_FILTERS);
+}
+
+/* The rows with the SUB filter, then libdeflate's fastest level, one thread. */
+static size_t with_libdeflate(void *context)
+{
+	const struct subject *s = context;
+	const size_t row = WIDTH * 3 + 1;
+	unsigned char *plain = malloc(row * HEIGHT), *at = plain;
+	const unsigned char *in = s->pixels;
+	for (int y = 0; y < HEIGHT; y++) {
+		*at++ = 1;
+		for (int x = 0; x < WIDTH; x++, in += 4) {
+			for (int c = 0; c < 3; c++)
+				*at++ = (unsigned char)(in[c] - (x ? in[c - 4] : 0));
+		}
+	}
+	struct libdeflate_compressor *compressor = libdeflate_alloc_compressor(1);
+	const size_t bound = libdeflate_zlib_compress_bound(compressor, row * HEIGHT);
+	unsigned char *out = malloc(bound);
+	const size_t bytes = libdeflate_zlib_compress(compressor, plain, row * HEIGHT, out, bound);
+	libdeflate_free_compressor(compressor);
+	free(out);
+	free(plain);
+	return bytes;
+}
+
+static struct subject make(int format, enum lib_picture kind)
+{
+	struct subject s;
+	lib_picture_request(&s.request, format, WIDTH, HEIGHT);
+	s.pixels = lib_picture(&s.request, kind, 1);
+	return s;
+}
+
+static void bench_png(void)
+{
+	static const char *const kinds[] = { "sky", "black", "noise", "patches" };
+	for (int kind = LIB_SKY; kind <= LIB_PATCHES; kind++) {
+		struct subject s = make(WELKIN_PNG, (enum lib_picture)kind);
+		s.info = lib_picture_info(&s.request);
+		char name[64];
+		for (s.info.threads = 1; s.info.threads <= 2; s.info.threads++) {
+			snprintf(name, sizeof name, "png 8 bit %s, %d thread%s", kinds[kind], s.info.threads, s.info.threads > 1 ? "s" : "");
+			report(name, ours, &s);
+		}
+		snprintf(name, sizeof name, "  libpng level 1 SUB, %s", kinds[kind]);
+		report(name, libpng_fast, &s);
+		snprintf(name, sizeof name, "  SUB and libdeflate level 1, %s", kinds[kind]);
+		report(name, with_libdeflate, &s);
+		if (kind == LIB_SKY)
+			report("  libpng defaults, sky", libpng_default, &s);
+		free(s.pixels);
+	}
+	struct subject deep = make(WELKIN_PNG, LIB_SKY);
+	free(deep.pixels);
+	deep.request.image.png_bits = 16;
+	deep.pixels = lib_picture(&deep.request, LIB_SKY, 1);
+	deep.info = lib_picture_info(&deep.request);
+	deep.info.threads = 2;
+	report("png 16 bit sky, 2 threads", ours, &deep);
+	free(deep.pixels);
+}
+
+static void bench_exr(void)
+{
+	static const char *const compressions[] = { "none", "rle", "zips", "zip", "piz" };
+	for (int type = WELKIN_HALF; type <= WELKIN_FLOAT; type++) {
+		for (int compression = WELKIN_EXR_NONE; compression <= WELKIN_EXR_PIZ; compression++) {
+			struct subject s;
+			lib_picture_request(&s.request, WELKIN_EXR, WIDTH, HEIGHT);
+			s.request.image.exr_type = type;
+			s.request.image.exr_compression = compression;
+			s.pixels = lib_picture(&s.request, LIB_SKY, 1);
+			s.info = lib_picture_info(&s.request);
+			s.info.threads = 2;
+			char name[64];
+			snprintf(name, sizeof name, "exr %s %s, 2 threads", type ? "float" : "half", compressions[compression]);
+			report(name, ours, &s);
+			free(s.pixels);
+		}
+	}
+}
+
+int main(int argc, char **argv)
+{
+	if (argc < 2 || !strcmp(argv[1], "png"))
+		bench_png();
+	if (argc < 2 || !strcmp(argv[1], "exr"))
+		bench_exr();
+	return 0;
+}
