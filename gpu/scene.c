@@ -15,6 +15,9 @@ static const double dobson_per_m2 = 2.687e20;
 /* Nodes of the rule that builds tables: columns converge below 1e-6 (tests/test_scene.c). */
 enum { TABLE_STEPS = 96 };
 
+/* Zenith angles above and below the horizon from which the multiple-scattering table gathers. */
+enum { AROUND_STEPS = 12 };
+
 static double radians(double degrees)
 {
 	return degrees * (M_PI / 180.0);
@@ -114,6 +117,37 @@ static int at_least_one(int n)
 	return n < 1 ? 1 : n;
 }
 
+/* The aerosol's phase function, per steradian; the same formulas as in shaders/atmosphere.glsl. */
+static double phase_aerosol(const struct welkin_atmosphere *air, double nu)
+{
+	const double g = air->aerosol_g, k = 1.55 * g - 0.55 * g * g * g;
+	if (air->aerosol_phase == WELKIN_SCHLICK)
+		return (1 - k * k) / (4 * M_PI * pow(1 - k * nu, 2));
+	const double hg = (1 - g * g) / (4 * M_PI * pow(pow(1 - g, 2) + 2 * g * (1 - nu), 1.5));
+	return air->aerosol_phase == WELKIN_HENYEY_GREENSTEIN ? hg : hg * 1.5 * (1 + nu * nu) / (2 + g * g);
+}
+
+/* Delta-M (Wiscombe 1977) of that phase function for two moments and a peak: the peak's share f is its third
+ * Legendre moment, and each lower one becomes (chi - f) / (1 - f). Midpoint rule in u with 1 - nu = 2 u^4, which
+ * resolves peaks of g = 0.999. */
+static void delta_scale(const struct welkin_atmosphere *air, double moments[2], double *f)
+{
+	enum { N = 512 };
+	const double sign = air->aerosol_g < 0 ? -1 : 1; /* a backward peak is not transmission */
+	double chi[4] = { 0 };
+	for (int i = 0; i < N; i++) {
+		const double u = (i + 0.5) / N, nu = sign * (1 - 2 * pow(u, 4));
+		const double weight = 2 * M_PI * phase_aerosol(air, nu) * 8 * pow(u, 3) / N;
+		chi[0] += weight;
+		chi[1] += weight * nu;
+		chi[2] += weight * (1.5 * nu * nu - 0.5);
+		chi[3] += weight * (2.5 * nu * nu * nu - 1.5 * nu);
+	}
+	*f = fmin(fmax(chi[3] / chi[0], 0), 0.9999);
+	for (int l = 0; l < 2; l++)
+		moments[l] = (chi[l + 1] / chi[0] - *f) / (1 - *f);
+}
+
 static void set_media(struct scene *scene, const struct welkin_atmosphere *air)
 {
 	struct MediaBlock *media = &scene->media;
@@ -134,11 +168,17 @@ static void set_media(struct scene *scene, const struct welkin_atmosphere *air)
 		add_rule(scene, RULE_LIGHT + pieces - 1, at_least_one(air->light_steps / pieces));
 		add_rule(scene, RULE_TABLE + pieces - 1, TABLE_STEPS / pieces);
 	}
+	add_rule(scene, RULE_AROUND, AROUND_STEPS);
+	double moments[2], peak;
+	delta_scale(air, moments, &peak);
+	media->aerosol_moments[0] = (float)moments[0];
+	media->aerosol_moments[1] = (float)moments[1];
+	media->aerosol_moments[2] = (float)(1 - peak);
 }
 
 /* Fills lane i of a batch. */
-static void set_band(struct BandsBlock *bands, int i, const struct welkin_request *request, double wavelength_nm,
-	const double to_rgb[3])
+static void set_band(struct BandsBlock *bands, int i, const struct MediaBlock *media,
+	const struct welkin_request *request, double wavelength_nm, const double to_rgb[3])
 {
 	const struct welkin_atmosphere *air = &request->atmosphere;
 	const bool flat = request->sun.spectrum == WELKIN_SUN_FLAT;
@@ -152,6 +192,7 @@ static void set_band(struct BandsBlock *bands, int i, const struct welkin_reques
 	bands->rayleigh[i] = (float)(density * spectrum_power_law(air->rayleigh_scattering_per_m, wavelength_nm));
 	bands->aerosol_scattering[i] = (float)aerosol;
 	bands->aerosol_extinction[i] = (float)(aerosol + absorbed);
+	bands->aerosol_scaled_extinction[i] = (float)(absorbed + aerosol * media->aerosol_moments[2]);
 	bands->ozone[i] = (float)(air->ozone_column_du * dobson_per_m2 * spectrum_ozone(wavelength_nm) /
 				  air->ozone_half_width_m);
 	bands->ground_albedo[i] = (float)spectrum_linear(request->ground_albedo, wavelength_nm);
@@ -189,7 +230,7 @@ static void set_bands(struct scene *scene, const struct welkin_request *request,
 	scene->n_batches = (n + 3) / 4;
 	for (int lane = 0; lane < scene->n_batches * 4; lane++) {
 		const int band = lane < n ? lane : n - 1; /* padding costs nothing and changes nothing: weight 0 */
-		set_band(&scene->batches[lane / 4], lane % 4, request, wavelengths_nm[band],
+		set_band(&scene->batches[lane / 4], lane % 4, &scene->media, request, wavelengths_nm[band],
 			lane < n ? to_rgb[lane] : none);
 		to_vec4(scene->batches[lane / 4].daylight_luminance, luminance, 0);
 	}

@@ -34,6 +34,8 @@ typedef unsigned int uint;
 
 /* Texture units; a method's tables sit at fixed units so that programs need no set-up. */
 #define UNIT_OPTICAL_DEPTH 0
+#define UNIT_MULTIPLE 1
+#define UNIT_SKY_VIEW 2
 
 /* MediaBlock.rule: Gauss-Legendre on [0,1]. A view ray cut into k pieces uses RULE_VIEW + k - 1 on
  * each, so that its steps add up to atmosphere.steps; RULE_LIGHT likewise for atmosphere.light_steps
@@ -41,10 +43,12 @@ typedef unsigned int uint;
 #define RULE_VIEW 0
 #define RULE_LIGHT 4
 #define RULE_TABLE 6
-#define RULE_COUNT 8
+#define RULE_AROUND 8 /* directions above and below the horizon, multiple-scattering table */
+#define RULE_COUNT 9
 
 /* Plain uniforms */
 #define LOCATION_TILE 0  /* ivec4: x, y, width, height of the strip in the image; directions mode: first, 0, count, 1 */
+#define LOCATION_ITERATION 4 /* int: how often a table's kernel has run before */
 #define LOCATION_BATCH 1 /* int: index of the spectral batch; 0 clears the accumulators */
 
 #define WORKGROUP_X 16
@@ -92,6 +96,7 @@ WELKIN_BLOCK(MediaBlock, BIND_MEDIA)
 	int steps, light_steps;
 	float turbidity;
 	float sun_intensity;                   /* already in the bands' irradiance; for skies given in luminance */
+	vec4 aerosol_moments;                  /* of its phase function after delta-M: chi1', chi2', 1 - f */
 	ivec4 rule[RULE_COUNT];                /* quadrature rules in BIND_NODES: x first node, y how many */
 WELKIN_BLOCK_END(media)
 
@@ -102,6 +107,7 @@ WELKIN_BLOCK(BandsBlock, BIND_BANDS)
 	vec4 rayleigh;         /* scattering, 1/m at the ground */
 	vec4 aerosol_scattering; /* 1/m at the ground */
 	vec4 aerosol_extinction;
+	vec4 aerosol_scaled_extinction; /* less the share of the forward peak, delta-M */
 	vec4 ozone;            /* absorption, 1/m at the tent's peak */
 	vec4 ground_albedo;
 	vec4 daylight[3];      /* CIE daylight components S0, S1, S2 at the wavelengths */

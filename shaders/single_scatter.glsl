@@ -19,6 +19,17 @@
 
 vec3 sun_column(float h, float mu_s);
 
+vec3 sun_column(float h, float mu_s);
+
+/* A method that has multiple_table.glsl defines WITH_MULTIPLE: light scattered before is gathered at the same
+ * nodes, and extinction is delta-scaled throughout, single scattering with its exact phase function
+ * included (the TMS correction of Nakajima & Tanaka 1988). */
+#ifdef WITH_MULTIPLE
+#define DEPTH scaled_depth
+#else
+#define DEPTH optical_depth
+#endif
+
 struct ViewRay {
 	float h, mu;   /* start, inside the air */
 	float mu_s;    /* cosine between the sun and the vertical at the start */
@@ -51,6 +62,7 @@ struct Integral {
 	float t;
 	vec3 density, slope; /* at t; slope by t */
 	vec4 rayleigh, aerosol; /* sunlight scattered so far, without phase and coefficients */
+	vec4 multiple;          /* radiance of light scattered before, per sun irradiance of 1 */
 };
 
 /* Carries the column from integral.t to t. */
@@ -74,11 +86,15 @@ void integrate(inout Integral integral, ViewRay ray, Piece piece, bool lit, ivec
 		vec2 n = node[rule.x + i];
 		float jacobian, t = piece_position(piece, n.x, jacobian);
 		advance(integral, ray, t, h, mu);
+		float mu_s = ((media.planet_radius + ray.h) * ray.mu_s + t * ray.nu) / (media.planet_radius + h);
+		mu_s = clamp(mu_s, -1.0, 1.0);
+#ifdef WITH_MULTIPLE
+		integral.multiple += multiple_source(h, mu, mu_s, ray.nu, integral.density) *
+				     exp(-DEPTH(integral.column)) * (n.y * jacobian);
+#endif
 		if (!lit)
 			continue;
-		float mu_s = ((media.planet_radius + ray.h) * ray.mu_s + t * ray.nu) / (media.planet_radius + h);
-		vec4 light = exp(-optical_depth(integral.column + sun_column(h, clamp(mu_s, -1.0, 1.0)))) *
-			     (n.y * jacobian);
+		vec4 light = exp(-DEPTH(integral.column + sun_column(h, mu_s))) * (n.y * jacobian);
 		integral.rayleigh += light * integral.density.x;
 		integral.aerosol += light * integral.density.y;
 	}
@@ -95,13 +111,19 @@ void integrate_stretch(inout Integral integral, ViewRay ray, float from, float t
 		integrate(integral, ray, Piece(cut, to - cut, false), lit, rule);
 }
 
-/* Radiance per band towards the camera at altitude h of a ray (view, mu; sine to the vertical), and
- * the transmittance to space (0 where the ray meets the ground). */
-void single_scatter(vec3 view, vec3 vertical, float h, float mu, out vec4 L, out vec4 T)
+/* What a ray brings to the camera, per band; the phase function of the aerosol is left to the caller,
+ * since it is the one thing that varies too fast for a table of directions. */
+struct Scattered {
+	vec4 smooth_part; /* W/m²/sr/nm: all but sunlight that the aerosol scattered once */
+	vec4 aerosol;     /* W/m²/nm: that sunlight, to be multiplied by phase_aerosol(nu) */
+	vec4 ground;      /* W/m²/sr/nm: share of smooth_part that the ground reflected */
+	vec4 T;           /* transmittance to space; 0 where the ray meets the ground */
+};
+
+/* For a ray (view, mu) from the camera at altitude h. */
+Scattered scatter_along(vec3 view, vec3 vertical, float h, float mu)
 {
-	L = vec4(0.0);
-	T = vec4(1.0);
-	ground_reflected = vec4(0.0);
+	Scattered result = Scattered(vec4(0.0), vec4(0.0), vec4(0.0), vec4(1.0));
 	vec3 to_sun = frame.sun_direction.xyz;
 	float r = media.planet_radius + h, mu_s_camera = dot(vertical, to_sun);
 
@@ -110,7 +132,7 @@ void single_scatter(vec3 view, vec3 vertical, float h, float mu, out vec4 L, out
 	ray.mu = mu;
 	float entered = ray_enter(ray.h, ray.mu, length(cross(view, vertical)));
 	if (entered < 0.0)
-		return;
+		return result;
 	ray.nu = dot(view, to_sun);
 	ray.mu_s = clamp((r * mu_s_camera + entered * ray.nu) / (media.planet_radius + ray.h), -1.0, 1.0);
 	float ground = ray_ground_distance(ray.h, ray.mu);
@@ -130,25 +152,38 @@ void single_scatter(vec3 view, vec3 vertical, float h, float mu, out vec4 L, out
 	integral.t = 0.0;
 	integral.density = density_at(ray.h);
 	integral.slope = density_slope(ray.h, integral.density) * ray.mu;
-	integral.rayleigh = integral.aerosol = vec4(0.0);
+	integral.rayleigh = integral.aerosol = integral.multiple = vec4(0.0);
 	integrate_stretch(integral, ray, 0.0, dark.x, lowest, true, rule);
 	if (shadowed) {
 		integrate_stretch(integral, ray, dark.x, dark.y, lowest, false, rule);
 		integrate_stretch(integral, ray, dark.y, ray.extent, lowest, true, rule);
 	}
 
-	L = bands.sun_irradiance * (bands.rayleigh * integral.rayleigh * phase_rayleigh(ray.nu) +
-				    bands.aerosol_scattering * integral.aerosol * phase_aerosol(ray.nu));
-	T = exp(-optical_depth(integral.column));
-	if (ground < 0.0)
-		return;
-	if ((frame.features & FEATURE_GROUND) != 0) {
-		float mu_s = ((media.planet_radius + ray.h) * ray.mu_s + ground * ray.nu) / media.planet_radius;
-		if (mu_s > 0.0) {
-			vec4 sunlight = bands.sun_irradiance * mu_s * exp(-optical_depth(sun_column(0.0, min(mu_s, 1.0))));
-			ground_reflected = T * bands.ground_albedo * sunlight / PI;
-			L += ground_reflected;
-		}
+	result.smooth_part = bands.sun_irradiance *
+		(bands.rayleigh * integral.rayleigh * phase_rayleigh(ray.nu) + integral.multiple);
+	result.aerosol = bands.sun_irradiance * bands.aerosol_scattering * integral.aerosol;
+	if (ground < 0.0) {
+		result.T = exp(-optical_depth(integral.column));
+		return result;
 	}
-	T = vec4(0.0);
+	result.T = vec4(0.0);
+	if ((frame.features & FEATURE_GROUND) == 0)
+		return result;
+	float mu_s = ((media.planet_radius + ray.h) * ray.mu_s + ground * ray.nu) / media.planet_radius;
+	vec4 E = mu_s > 0.0 ? mu_s * exp(-DEPTH(sun_column(0.0, min(mu_s, 1.0)))) : vec4(0.0);
+#ifdef WITH_MULTIPLE
+	E += multiple_ground_irradiance(clamp(mu_s, -1.0, 1.0));
+#endif
+	result.ground = exp(-DEPTH(integral.column)) * bands.ground_albedo * bands.sun_irradiance * E / PI;
+	result.smooth_part += result.ground;
+	return result;
+}
+
+/* method_sky() of the methods that integrate along every pixel's ray. */
+void scatter_sky(Ray ray, out vec4 L, out vec4 T)
+{
+	Scattered s = scatter_along(ray.d, ray.up, ray.h, ray.mu);
+	L = s.smooth_part + s.aerosol * phase_aerosol(dot(ray.d, frame.sun_direction.xyz));
+	T = s.T;
+	ground_reflected = s.ground;
 }

@@ -9,5 +9,5 @@ vec3 sun_column(float h, float mu_s)
 
 void method_sky(Ray ray, out vec4 L, out vec4 T)
 {
-	single_scatter(ray.d, ray.up, ray.h, ray.mu, L, T);
+	scatter_sky(ray, L, T);
 }

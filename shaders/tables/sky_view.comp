@@ -1,0 +1,20 @@
+/* Fills the sky-view table (sky_view.glsl) by the ray march with all orders. */
+#define WITH_MULTIPLE
+#include "multiple_table.glsl"
+#include "single_scatter.glsl"
+#include "sky_view.glsl"
+
+layout(local_size_x = WORKGROUP_X, local_size_y = WORKGROUP_Y) in;
+layout(rgba32f, binding = 0) uniform writeonly image2D table;
+
+void main()
+{
+	ivec2 size = imageSize(table), texel = ivec2(gl_GlobalInvocationID.xy);
+	size.y /= 2;
+	if (any(greaterThanEqual(texel, size)))
+		return;
+	vec3 d = sky_view_direction(vec2(texel), vec2(size)), up = frame.vertical.xyz;
+	Scattered s = scatter_along(d, up, frame.camera_altitude, dot(d, up));
+	imageStore(table, texel, s.smooth_part);
+	imageStore(table, texel + ivec2(0, size.y), s.aerosol);
+}
