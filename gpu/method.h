@@ -4,6 +4,8 @@
 #include "api/error.h"
 #include "api/request.h"
 
+#include <stddef.h>
+
 /*
  * A way to compute the clear sky. Each gpu/methods/NAME.c defines `const struct method
  * method_NAME`; the registry is generated from the folder, sorted by name, and
