@@ -72,6 +72,11 @@ $(B)/flags: FORCE
 	@echo '$(subst ','\'',$(FLAGS_NOW))' | cmp -s - $@ || echo '$(subst ','\'',$(FLAGS_NOW))' > $@
 
 # ---- generated ----
+$(B)/gen/revision.h: FORCE
+	@mkdir -p $(@D)
+	@echo '#define WELKIN_REVISION "$(REVISION)"' | cmp -s - $@ || echo '#define WELKIN_REVISION "$(REVISION)"' > $@
+$(B)/obj/server/version.o: $(B)/gen/revision.h
+
 # One C array per file: bytes, NUL-terminated, with the name it is looked up by.
 define embed
 	@mkdir -p $(@D)
