@@ -155,6 +155,7 @@ fit-spectrum: $(B)/tests/fit_spectrum
 accuracy: $(B)/tests/accuracy
 	@mkdir -p $(B)/accuracy
 	$(B)/tests/accuracy $(B)/accuracy
+	gnuplot -e "folder='$(B)/accuracy'" tests/accuracy.gp
 
 # ---- lint ----
 C_FILES := $(API_SRC) $(GPU_SRC) $(SERVER_SRC) $(sort $(wildcard tests/*.c))
