@@ -89,14 +89,15 @@ struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, i
 	f->method = welkin_methods[job->request.atmosphere.method];
 	char file[64];
 	snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
-	if (!map_pixels(f, memfd, err) || !(f->sky = programs_get(ws->programs, file, err)) ||
-	    !(f->output = programs_get(ws->programs, "output.comp", err))) {
+	if (!map_pixels(f, memfd, err) || !(f->sky = programs_get(ws->programs, file, "", err))) {
 		frame_destroy(ws, f);
 		return NULL;
 	}
 	prepare(f);
-	if (job->kind == WELKIN_JOB_IMAGE)
-		image_start(ws, f);
+	if (job->kind == WELKIN_JOB_IMAGE && !image_start(ws, f, err)) {
+		frame_destroy(ws, f);
+		return NULL;
+	}
 	return f;
 }
 

@@ -20,11 +20,12 @@ enum frame_stage { FRAME_METER, FRAME_STRIPS, FRAME_DIRECTIONS, FRAME_DONE };
 struct frame {
 	struct welkin_job job;
 	const struct method *method;
-	const struct program *sky, *output;
+	const struct program *rays, *sky, *disk, *output; /* disk, output: chosen when the strips begin */
 	enum frame_stage stage;
 	struct strips strips;  /* METER, STRIPS */
 	int batch, direction;  /* DIRECTIONS: what comes next */
 	float (*samples)[4];   /* METER: as exposure_metered() takes them */
+	int sun_box[4];        /* STRIPS: pixels that the disk may touch; empty without one */
 	float white[4];        /* what a transmittance of 1 adds up to: linear Rec.709, luminance */
 	unsigned char *map;    /* the memfd */
 	size_t map_size;
@@ -59,7 +60,7 @@ int frame_afford(struct workspace *ws, const struct frame *frame, int batches, d
 bool frame_settle(struct workspace *ws, struct frame *frame, int pixels, int batches, struct error *err);
 
 /* One step each of the stages of their kind. */
-void image_start(struct workspace *ws, struct frame *frame);
+bool image_start(struct workspace *ws, struct frame *frame, struct error *err);
 bool image_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
 bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
 /* Puts the job's directions on the device. */

@@ -2,8 +2,10 @@
 #include "gpu/frame.h"
 
 #include "gpu/clock.h"
+#include "gpu/view.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -43,6 +45,8 @@ static void begin_strips(struct workspace *ws, struct frame *f, double scale)
 	f->result.exposure_scale = (double)frame->exposure_scale;
 	f->strips = (struct strips){ .width = image->width, .height = image->height };
 	f->stage = FRAME_STRIPS;
+	if (f->plan.features & FEATURE_SUN_DISK)
+		view_sun_box(frame, f->sun_box);
 	if (ws->bound == f)
 		passes_blocks(ws->passes, &f->scene);
 }
@@ -64,27 +68,69 @@ static bool begin_meter(struct frame *f)
 	return true;
 }
 
-void image_start(struct workspace *ws, struct frame *frame)
+/* The kernels that this view and this output need. */
+static bool choose_programs(struct workspace *ws, struct frame *f, struct error *err)
 {
+	const struct welkin_image *image = &f->job.request.image;
+	char projection[32], output[64];
+	snprintf(projection, sizeof projection, "PROJECTION=%d", image->projection);
+	if (image->format == WELKIN_PNG)
+		snprintf(output, sizeof output, "FORMAT=%d TONE=%d LAYERS=0", output_format(image), f->job.request.tone_map);
+	else
+		snprintf(output, sizeof output, "FORMAT=%d TONE=%d LAYERS=%d", output_format(image), TONE_NONE,
+			f->plan.features & FEATURE_LAYERS);
+	return (f->rays = programs_get(ws->programs, "rays.comp", projection, err)) &&
+	       (f->disk = programs_get(ws->programs, "sun_disk.comp", projection, err)) &&
+	       (f->output = programs_get(ws->programs, "output.comp", output, err));
+}
+
+bool image_start(struct workspace *ws, struct frame *frame, struct error *err)
+{
+	if (!choose_programs(ws, frame, err))
+		return false;
 	set_white(frame);
 	if (!frame->plan.meter)
 		begin_strips(ws, frame, exposure_given(&frame->job.request, &frame->scene.frame));
 	else if (!begin_meter(frame))
-		frame_finish(frame, WELKIN_FAILED, "out of memory");
+		return error_set(err, "out of memory");
+	return true;
 }
 
 static void run_sky(struct workspace *ws, const struct frame *f, const char *name, const int tile[4],
 	unsigned radiance)
 {
-	struct pass pass = { .name = name, .program = f->sky, .threads = { tile[2], tile[3], 1 } };
+	struct pass rays = { .name = "rays", .program = f->rays, .threads = { tile[2], tile[3], 1 } };
+	memcpy(rays.tile, tile, sizeof rays.tile);
+	rays.storage[BIND_DIRECTIONS] = ws->rays.id;
+	passes_run(ws->passes, &rays);
+	struct pass sky = { .name = name, .program = f->sky, .threads = { tile[2] * tile[3], 1, 1 } };
+	memcpy(sky.tile, tile, sizeof sky.tile);
+	sky.storage[BIND_DIRECTIONS] = ws->rays.id;
+	sky.storage[BIND_RADIANCE] = radiance;
+	sky.storage[BIND_INSCATTER] = ws->inscatter.id;
+	sky.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
+	for (sky.batch = 0; sky.batch < f->scene.n_batches; sky.batch++)
+		passes_run(ws->passes, &sky);
+}
+
+/* On the part of the strip that the disk may touch, if there is one. */
+static void run_disk(struct workspace *ws, const struct frame *f, const int tile[4])
+{
+	struct pass pass = { .name = "sun-disk", .program = f->disk };
 	memcpy(pass.tile, tile, sizeof pass.tile);
-	pass.storage[BIND_RADIANCE] = radiance;
-	if (f->scene.frame.features & FEATURE_LAYERS) {
-		pass.storage[BIND_INSCATTER] = ws->inscatter.id;
-		pass.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
+	for (int i = 0; i < 2; i++) {
+		const int from = f->sun_box[i] > tile[i] ? f->sun_box[i] : tile[i];
+		const int box_end = f->sun_box[i] + f->sun_box[i + 2], tile_end = tile[i] + tile[i + 2];
+		pass.box[i] = from;
+		pass.box[i + 2] = (box_end < tile_end ? box_end : tile_end) - from;
+		if (pass.box[i + 2] <= 0)
+			return;
+		pass.threads[i] = pass.box[i + 2];
 	}
-	for (pass.batch = 0; pass.batch < f->scene.n_batches; pass.batch++)
-		passes_run(ws->passes, &pass);
+	pass.storage[BIND_DIRECTIONS] = ws->rays.id;
+	pass.storage[BIND_RADIANCE] = ws->radiance.id;
+	pass.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
+	passes_run(ws->passes, &pass);
 }
 
 static bool meter_step(struct workspace *ws, struct frame *f, double start_ms, struct error *err)
@@ -92,7 +138,8 @@ static bool meter_step(struct workspace *ws, struct frame *f, double start_ms, s
 	int tile[4];
 	strips_next(&f->strips, frame_afford(ws, f, f->scene.n_batches, start_ms), tile);
 	const int pixels = tile[2] * tile[3];
-	if (!workspace_reserve(&ws->meter, (size_t)pixels * sizeof *f->samples, true, err)) {
+	const size_t size = (size_t)pixels * sizeof *f->samples;
+	if (!workspace_reserve(&ws->meter, size, true, err) || !workspace_reserve(&ws->rays, size, false, err)) {
 		frame_finish(f, WELKIN_FAILED, err->text);
 		return true;
 	}
@@ -174,11 +221,11 @@ static bool reserve(struct workspace *ws, const struct frame *f, int pixels, con
 	struct error *err)
 {
 	const size_t size = (size_t)pixels * CHANNELS * sizeof(float);
-	if (!workspace_reserve(&ws->radiance, size, false, err) ||
-	    !workspace_reserve(&ws->output, planes->size, true, err))
-		return false;
-	return !(f->plan.features & FEATURE_LAYERS) || (workspace_reserve(&ws->inscatter, size, false, err) &&
-							       workspace_reserve(&ws->transmittance, size, false, err));
+	const int layers = f->plan.features & FEATURE_LAYERS, disk = f->plan.features & FEATURE_SUN_DISK;
+	return workspace_reserve(&ws->rays, size, false, err) && workspace_reserve(&ws->radiance, size, false, err) &&
+	       workspace_reserve(&ws->output, planes->size, true, err) &&
+	       (!layers || workspace_reserve(&ws->inscatter, size, false, err)) &&
+	       (!(layers || disk) || workspace_reserve(&ws->transmittance, size, false, err));
 }
 
 static bool strip_step(struct workspace *ws, struct frame *f, double start_ms, struct error *err)
@@ -195,6 +242,7 @@ static bool strip_step(struct workspace *ws, struct frame *f, double start_ms, s
 	uint32_t *nonfinite = ws->counters.data;
 	*nonfinite = 0;
 	run_sky(ws, f, "sky", tile, ws->radiance.id);
+	run_disk(ws, f, tile);
 	run_output(ws, f, tile, &planes);
 	if (!frame_settle(ws, f, pixels, f->scene.n_batches, err))
 		return false;

@@ -32,6 +32,7 @@ struct pass {
 	int batch;                      /* LOCATION_BATCH, and which BandsBlock is bound */
 	int planes[4];                  /* LOCATION_PLANES */
 	float white[4];                 /* LOCATION_WHITE */
+	int box[4];                     /* LOCATION_BOX */
 	unsigned image, image_format;   /* image unit 0, write only; 0: none */
 	int threads[3];                 /* at least so many invocations; 0 counts as 1 */
 };

@@ -80,10 +80,8 @@ bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms,
 	struct pass pass = { .name = "sky",
 		.program = frame->sky,
 		.batch = frame->batch,
-		.tile = { frame->direction, 0, count, 1 } };
-	/* the kernel numbers directions through its workgroups, whatever their shape */
-	const int group = frame->sky->group[0] * frame->sky->group[1];
-	pass.threads[0] = (count + group - 1) / group * frame->sky->group[0];
+		.tile = { frame->direction, 0, count, 1 },
+		.threads = { count, 1, 1 } };
 	pass.storage[BIND_RADIANCE] = ws->spectral_L.id;
 	pass.storage[BIND_TRANSMITTANCE] = ws->spectral_T.id;
 	pass.storage[BIND_DIRECTIONS] = ws->directions.id;

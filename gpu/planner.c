@@ -1,5 +1,7 @@
 #include "gpu/planner.h"
 
+#include "gpu/view.h"
+
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -36,43 +38,6 @@ void planner_note(struct plan *plan, const char *pass, bool ran, const char *why
 	va_end(args);
 }
 
-/* The narrowest cone about an axis that holds every direction of the view. */
-struct cone {
-	double axis[3], half_angle;
-};
-
-static struct cone view_cone(const struct FrameBlock *frame)
-{
-	static const struct {
-		int of; /* which camera vector */
-		double sign;
-	} faces[] = { { 2, 1 }, { 0, 1 }, { 2, -1 }, { 0, -1 }, { 1, 1 }, { 1, -1 } };
-	const float *axes[3] = { frame->camera_right, frame->camera_up, frame->camera_forward };
-	struct cone cone = { .half_angle = M_PI };
-	int axis = 2;
-	double sign = 1;
-	if (frame->projection == PROJECTION_PERSPECTIVE)
-		cone.half_angle = atan(frame->tan_half_fov * hypot(1, (double)frame->width / frame->height));
-	else if (frame->projection == PROJECTION_FISHEYE)
-		cone.half_angle = fmin(frame->fov / 2, M_PI);
-	else if (frame->projection == PROJECTION_CUBE_FACE) {
-		cone.half_angle = atan(sqrt(2));
-		axis = faces[frame->cube_face].of;
-		sign = faces[frame->cube_face].sign;
-	}
-	for (int i = 0; i < 3; i++)
-		cone.axis[i] = sign * (double)axes[axis][i];
-	return cone;
-}
-
-static double angle_between(const double a[3], const float b[3])
-{
-	double dot = 0;
-	for (int i = 0; i < 3; i++)
-		dot += a[i] * (double)b[i];
-	return acos(fmax(-1, fmin(1, dot)));
-}
-
 /* Half the angle under which the planet is seen from the camera. */
 static double planet_half_angle(const struct scene *scene)
 {
@@ -81,7 +46,7 @@ static double planet_half_angle(const struct scene *scene)
 }
 
 static void plan_sun_disk(struct plan *plan, const struct welkin_request *request, const struct scene *scene,
-	const struct cone *view)
+	const struct view_cone *view)
 {
 	static const char pass[] = "sun-disk";
 	const struct FrameBlock *frame = &scene->frame;
@@ -90,10 +55,10 @@ static void plan_sun_disk(struct plan *plan, const struct welkin_request *reques
 		nadir[i] = -(double)frame->vertical[i];
 	if (!request->sun.disk)
 		planner_note(plan, pass, false, "not asked for");
-	else if (angle_between(view->axis, frame->sun_direction) >
+	else if (view_angle(view->axis, frame->sun_direction) >
 		 view->half_angle + (double)frame->sun_angular_radius + margin)
 		planner_note(plan, pass, false, "the sun is out of view");
-	else if (angle_between(nadir, frame->sun_direction) + (double)frame->sun_angular_radius + margin <
+	else if (view_angle(nadir, frame->sun_direction) + (double)frame->sun_angular_radius + margin <
 		 planet_half_angle(scene))
 		planner_note(plan, pass, false, "the sun is below the horizon");
 	else {
@@ -102,9 +67,9 @@ static void plan_sun_disk(struct plan *plan, const struct welkin_request *reques
 	}
 }
 
-static void plan_ground(struct plan *plan, const struct scene *scene, const struct cone *view)
+static void plan_ground(struct plan *plan, const struct scene *scene, const struct view_cone *view)
 {
-	const double up = angle_between(view->axis, scene->frame.vertical);
+	const double up = view_angle(view->axis, scene->frame.vertical);
 	if (M_PI - up > view->half_angle + planet_half_angle(scene) + margin) {
 		planner_note(plan, "ground", false, "no direction of the view meets it");
 		return;
@@ -150,15 +115,15 @@ void planner_plan(struct plan *plan, const struct welkin_job *job, const struct 
 	if (!method->tables)
 		planner_note(plan, "tables", false, "method %s reads none", method->name);
 	if (job->kind == WELKIN_JOB_IMAGE) {
-		const struct cone view = view_cone(&scene->frame);
+		const struct view_cone view = view_cone_of(&scene->frame);
 		plan_sun_disk(plan, &job->request, scene, &view);
 		plan_ground(plan, scene, &view);
 		plan_output(plan, &job->request);
 		return;
 	}
 	/* Directions may point anywhere, and their spectra are replied as they are. */
-	const struct cone all = { .half_angle = M_PI, .axis = { 0, 1, 0 } };
-	plan->features |= FEATURE_DIRECTIONS;
+	const struct view_cone all = { .half_angle = M_PI, .axis = { 0, 1, 0 } };
+	plan->features |= FEATURE_SPECTRAL;
 	plan_sun_disk(plan, &job->request, scene, &all);
 	plan_ground(plan, scene, &all);
 	planner_note(plan, "output", false, "radiance is replied as it is");

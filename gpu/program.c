@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PROGRAMS_MAX = 64, FILES_MAX = 32, DEPTH_MAX = 8 };
+enum { PROGRAMS_MAX = 128, FILES_MAX = 32, DEPTH_MAX = 8 };
 
 struct programs {
 	char dir[512];
@@ -96,7 +96,17 @@ static bool append_file(struct assembly *a, const char *name, int depth, struct 
 	return ok;
 }
 
-static char *assemble(struct assembly *a, const char *name, struct error *err)
+/* "A=1 B=2" as #define lines. */
+static void define_choices(FILE *out, const char *choices)
+{
+	for (const char *p = choices; *p; p += strspn(p, " ")) {
+		const int name = (int)strcspn(p, "= "), length = (int)strcspn(p, " ");
+		fprintf(out, "#define %.*s %.*s\n", name, p, length - name - 1, p + name + 1);
+		p += length;
+	}
+}
+
+static char *assemble(struct assembly *a, const char *name, const char *choices, struct error *err)
 {
 	char *source = NULL;
 	size_t size = 0;
@@ -106,6 +116,7 @@ static char *assemble(struct assembly *a, const char *name, struct error *err)
 		return NULL;
 	}
 	fputs("#version 450 core\n#define WELKIN_GLSL 1\n", a->out);
+	define_choices(a->out, choices);
 	const bool ok = append_file(a, name, 0, err);
 	if (fclose(a->out) == 0 && ok)
 		return source;
@@ -113,10 +124,10 @@ static char *assemble(struct assembly *a, const char *name, struct error *err)
 	return NULL;
 }
 
-char *programs_source(const char *shader_dir, const char *name, struct error *err)
+char *programs_source(const char *shader_dir, const char *name, const char *choices, struct error *err)
 {
 	struct assembly a = { .dir = shader_dir };
-	return assemble(&a, name, err);
+	return assemble(&a, name, choices, err);
 }
 
 /* Drivers write "3:12(5): error: …" or "3(12) : error …"; we say "sky.glsl:12(5): …". */
@@ -130,10 +141,10 @@ static void explain(const struct assembly *a, const char *name, const char *log,
 		error_set(err, "shader %s: %s", name, log);
 }
 
-static unsigned build(const char *dir, const char *name, struct error *err)
+static unsigned build(const char *dir, const char *name, const char *choices, struct error *err)
 {
 	struct assembly a = { .dir = dir };
-	char *source = assemble(&a, name, err);
+	char *source = assemble(&a, name, choices, err);
 	if (!source)
 		return 0;
 	char log[900] = "";
@@ -180,25 +191,28 @@ void programs_destroy(struct programs *programs)
 	free(programs);
 }
 
-const struct program *programs_get(struct programs *programs, const char *name, struct error *err)
+const struct program *programs_get(struct programs *programs, const char *name, const char *choices, struct error *err)
 {
+	char full[64];
+	snprintf(full, sizeof full, "%s%s%s", name, *choices ? " " : "", choices);
 	for (int i = 0; i < programs->n; i++)
-		if (strcmp(programs->list[i].name, name) == 0)
+		if (strcmp(programs->list[i].name, full) == 0)
 			return &programs->list[i];
 	if (programs->n == PROGRAMS_MAX) {
 		error_set(err, "more than %d programs", PROGRAMS_MAX);
 		return NULL;
 	}
-	const unsigned id = build(programs->dir, name, err);
+	const unsigned id = build(programs->dir, name, choices, err);
 	if (!id)
 		return NULL;
 	struct program *p = &programs->list[programs->n++];
-	snprintf(p->name, sizeof p->name, "%s", name);
+	snprintf(p->name, sizeof p->name, "%s", full);
 	p->id = id;
 	glGetProgramiv(id, GL_COMPUTE_WORK_GROUP_SIZE, p->group);
 	p->has_tile = glGetUniformLocation(id, "tile") == LOCATION_TILE;
 	p->has_batch = glGetUniformLocation(id, "batch") == LOCATION_BATCH;
 	p->has_planes = glGetUniformLocation(id, "planes") == LOCATION_PLANES;
 	p->has_white = glGetUniformLocation(id, "white") == LOCATION_WHITE;
+	p->has_box = glGetUniformLocation(id, "box") == LOCATION_BOX;
 	return p;
 }

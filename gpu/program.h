@@ -12,17 +12,20 @@ struct programs *programs_create(const char *shader_dir);
 void programs_destroy(struct programs *programs);
 
 struct program {
-	char name[64];
+	char name[64];    /* with its choices */
 	unsigned id;
 	int group[3]; /* local size */
-	bool has_tile, has_batch, has_planes, has_white; /* which plain uniforms of shared.h it uses */
+	bool has_tile, has_batch, has_planes, has_white, has_box; /* which plain uniforms of shared.h it uses */
 };
 
-/* NULL with file and line of the first fault in err. The pointer is good until programs_destroy. */
-const struct program *programs_get(struct programs *programs, const char *name, struct error *err);
+/* choices: macros that fix what is otherwise read from a block, "PROJECTION=1 TONE=0"; "" for none.
+ * llvmpipe runs both sides of every branch, so a branch that could have been decided here costs as
+ * much as if it were taken. NULL with file and line of the first fault in err. The pointer is good
+ * until programs_destroy. */
+const struct program *programs_get(struct programs *programs, const char *name, const char *choices, struct error *err);
 
 /* The full text of a kernel with its #include lines resolved (each file once), malloc'd; NULL
  * with the reason. */
-char *programs_source(const char *shader_dir, const char *name, struct error *err);
+char *programs_source(const char *shader_dir, const char *name, const char *choices, struct error *err);
 
 #endif

@@ -154,7 +154,7 @@ static struct table *build(struct frame_tables *tables, const struct table_desc 
 {
 	char file[64];
 	snprintf(file, sizeof file, "tables/%s.comp", desc->name);
-	const struct program *program = programs_get(tables->programs, file, err);
+	const struct program *program = programs_get(tables->programs, file, "", err);
 	if (!program)
 		return NULL;
 	struct table *t = make_room(tables, desc_bytes(desc));

@@ -38,7 +38,7 @@ struct workspace {
 	struct frame_tables *tables;
 	double slice_ms;
 	int strip_pixels; /* most pixels in a strip */
-	struct buffer radiance, inscatter, transmittance; /* device only */
+	struct buffer rays, radiance, inscatter, transmittance; /* device only */
 	struct buffer output, counters;                   /* mapped */
 	struct buffer meter;                              /* mapped */
 	struct buffer directions, spectral_L, spectral_T; /* photometer; the last two mapped */

@@ -4,27 +4,12 @@
  */
 #include "shared.h"
 
+/* Chosen when the program is built, where the renderer does so. */
+#ifndef PROJECTION
+#define PROJECTION frame.projection
+#endif
+
 const float CAMERA_PI = 3.14159265358979;
-
-/* A ray from the camera; the camera is at the same place for all of them. */
-struct Ray {
-	vec3 d;    /* unit direction, away from the camera */
-	float h;   /* camera altitude above the ground sphere, m */
-	float mu;  /* dot(up, d) */
-	vec3 up;   /* away from the planet's centre */
-	float pixel_solid_angle; /* sr; 0 for a bare direction */
-};
-
-Ray camera_ray(vec3 d, float pixel_solid_angle)
-{
-	Ray ray;
-	ray.d = d;
-	ray.h = frame.camera_altitude;
-	ray.up = frame.vertical.xyz;
-	ray.mu = clamp(dot(ray.up, d), -1.0, 1.0);
-	ray.pixel_solid_angle = pixel_solid_angle;
-	return ray;
-}
 
 vec3 camera_to_world(vec3 v)
 {
@@ -68,11 +53,11 @@ int cross_face(ivec2 cell)
 /* Does the pixel with this centre show anything? (The dome's corners and the cross' empty cells do not.) */
 bool camera_sees(vec2 center)
 {
-	if (frame.projection == PROJECTION_FISHEYE) {
+	if (PROJECTION == PROJECTION_FISHEYE) {
 		vec2 p = (2.0 * center - vec2(frame.width, frame.height)) / float(frame.height);
 		return dot(p, p) <= 1.0;
 	}
-	return frame.projection != PROJECTION_CUBEMAP || cross_face(cross_cell(center)) >= 0;
+	return PROJECTION != PROJECTION_CUBEMAP || cross_face(cross_cell(center)) >= 0;
 }
 
 /* Direction in the camera's axes at an image coordinate. cell: of the pixel that the coordinate
@@ -80,21 +65,21 @@ bool camera_sees(vec2 center)
 vec3 camera_local(vec2 pixel, ivec2 cell)
 {
 	vec2 size = vec2(frame.width, frame.height);
-	if (frame.projection == PROJECTION_EQUIRECTANGULAR) {
+	if (PROJECTION == PROJECTION_EQUIRECTANGULAR) {
 		float azimuth = (pixel.x / size.x - 0.5) * 2.0 * CAMERA_PI;
 		float elevation = (0.5 - pixel.y / size.y) * CAMERA_PI;
 		return vec3(sin(azimuth) * cos(elevation), sin(elevation), cos(azimuth) * cos(elevation));
 	}
 	vec2 p = vec2(2.0, -2.0) * (pixel - 0.5 * size);
-	if (frame.projection == PROJECTION_FISHEYE) {
+	if (PROJECTION == PROJECTION_FISHEYE) {
 		p /= size.y;
 		float radius = length(p), theta = min(radius * 0.5 * frame.fov, CAMERA_PI);
 		vec2 outward = radius > 0.0 ? p / radius : vec2(0.0);
 		return vec3(sin(theta) * outward, cos(theta));
 	}
-	if (frame.projection == PROJECTION_CUBE_FACE)
+	if (PROJECTION == PROJECTION_CUBE_FACE)
 		return normalize(cube_face_point(frame.cube_face, p / size));
-	if (frame.projection == PROJECTION_CUBEMAP) {
+	if (PROJECTION == PROJECTION_CUBEMAP) {
 		vec2 within = pixel / size * vec2(4.0, 3.0) - vec2(cell);
 		return normalize(cube_face_point(cross_face(cell), vec2(2.0, -2.0) * (within - 0.5)));
 	}
@@ -117,18 +102,18 @@ float sinc(float x)
 float camera_pixel_solid_angle(vec2 center, vec3 v)
 {
 	vec2 size = vec2(frame.width, frame.height);
-	if (frame.projection == PROJECTION_EQUIRECTANGULAR)
+	if (PROJECTION == PROJECTION_EQUIRECTANGULAR)
 		return 2.0 * CAMERA_PI / size.x * CAMERA_PI / size.y * sqrt(max(1.0 - v.y * v.y, 0.0));
-	if (frame.projection == PROJECTION_FISHEYE) {
+	if (PROJECTION == PROJECTION_FISHEYE) {
 		float scale = frame.fov / size.y; /* rad per pixel */
 		return scale * scale * sinc(length(center - 0.5 * size) * scale);
 	}
 	vec3 away = abs(v);
-	float c = frame.projection == PROJECTION_PERSPECTIVE ? v.z : max(away.x, max(away.y, away.z));
+	float c = PROJECTION == PROJECTION_PERSPECTIVE ? v.z : max(away.x, max(away.y, away.z));
 	vec2 step = 2.0 / size;
-	if (frame.projection == PROJECTION_PERSPECTIVE)
+	if (PROJECTION == PROJECTION_PERSPECTIVE)
 		step = vec2(2.0 * frame.tan_half_fov / size.y);
-	else if (frame.projection == PROJECTION_CUBEMAP)
+	else if (PROJECTION == PROJECTION_CUBEMAP)
 		step = vec2(8.0, 6.0) / size;
 	return step.x * step.y * c * c * c;
 }

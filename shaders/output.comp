@@ -4,6 +4,14 @@
  */
 #include "tone.glsl"
 
+/* Chosen when the program is built, where the renderer does so. */
+#ifndef FORMAT
+#define FORMAT frame.output_format
+#endif
+#ifndef LAYERS
+#define LAYERS (frame.features & FEATURE_LAYERS)
+#endif
+
 layout(local_size_x = WORKGROUP_X, local_size_y = WORKGROUP_Y) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_PLANES) uniform ivec4 planes;
@@ -55,14 +63,14 @@ uvec4 quantized(vec4 encoded, float top, ivec2 pixel)
 
 void write_main(int i, ivec2 pixel, vec4 color)
 {
-	if (frame.output_format == OUTPUT_FLOAT) {
+	if (FORMAT == OUTPUT_FLOAT) {
 		for (int k = 0; k < 4; k++)
 			result[4 * i + k] = floatBitsToUint(color[k]);
-	} else if (frame.output_format == OUTPUT_HALF) {
+	} else if (FORMAT == OUTPUT_HALF) {
 		vec4 c = min(color, HALF_MAX);
 		result[2 * i] = packHalf2x16(c.rg);
 		result[2 * i + 1] = packHalf2x16(c.ba);
-	} else if (frame.output_format == OUTPUT_RGBA16) {
+	} else if (FORMAT == OUTPUT_RGBA16) {
 		uvec4 q = quantized(vec4(display(color.rgb), color.a), 65535.0, pixel);
 		result[2 * i] = q.r | q.g << 16u;
 		result[2 * i + 1] = q.b | q.a << 16u;
@@ -90,7 +98,7 @@ void main()
 		light = vec4(0.0);
 	float opacity = 1.0 - clamp(light.a / max(white.a, 1e-30), 0.0, 1.0);
 	write_main(i, tile.xy + at, vec4(into_gamut(light.rgb) * frame.exposure_scale, opacity));
-	if (planes.x >= 0 || planes.z >= 0) {
+	if (LAYERS != 0 && (planes.x >= 0 || planes.z >= 0)) {
 		vec4 layer = inscatter[i];
 		bool bad = any(isnan(layer)) || any(isinf(layer.rgb)); /* an infinite depth is none */
 		mended = mended || bad;
@@ -99,7 +107,7 @@ void main()
 		if (planes.z >= 0)
 			result[planes.z + i] = isnan(layer.a) ? 0x7f800000u : floatBitsToUint(layer.a);
 	}
-	if (planes.y >= 0) {
+	if (LAYERS != 0 && planes.y >= 0) {
 		vec4 through = transmittance[i];
 		bool bad = broken(through);
 		mended = mended || bad;

@@ -35,14 +35,11 @@ float triangle_in_circle(vec2 p, vec2 q, float r)
 	       (t1 < 1.0 ? sector(leave, q, r) : 0.0);
 }
 
-/* The share of the pixel's area that the disk covers. */
-float sun_coverage(Ray ray, vec2 center)
+/* The share that the disk covers of the pixel with this centre, which is within 60° of the sun: beyond
+ * that the plane is too far stretched for its corners to say anything. */
+float sun_coverage(vec2 center)
 {
 	vec3 sun = frame.sun_direction.xyz;
-	float apart = acos(clamp(dot(ray.d, sun), -1.0, 1.0));
-	float reach = 2.0 * sqrt(ray.pixel_solid_angle) + 0.5 * CAMERA_PI / float(frame.height); /* generous pixel radius */
-	if (apart > frame.sun_angular_radius + max(reach, 0.01))
-		return 0.0;
 	vec3 x = normalize(cross(sun, abs(sun.y) < 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0))), y = cross(x, sun);
 	vec2 corner[4];
 	corner[0] = sun_plane(camera_direction(center + vec2(-0.5, -0.5), center), sun, x, y);

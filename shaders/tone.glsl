@@ -3,6 +3,11 @@
  */
 #include "shared.h"
 
+/* Chosen when the program is built, where the renderer does so. */
+#ifndef TONE
+#define TONE frame.tone_map
+#endif
+
 const vec3 REC709_LUMINANCE = vec3(0.2126390, 0.7151687, 0.0721923);
 
 /* Four wavelengths can make a colour that Rec.709 can't show. Mixes in the grey of the same
@@ -54,7 +59,7 @@ vec3 tone_reinhard(vec3 c)
 /* Linear light of the display. */
 vec3 tone_map(vec3 c)
 {
-	switch (frame.tone_map) {
+	switch (TONE) {
 	case TONE_AGX:
 		return tone_agx(c);
 	case TONE_ACES:
