@@ -5,8 +5,9 @@
 
 enum { METER_SAMPLES = 1024 };
 
-static const double middle_grey = 0.18;
+static const double target = 0.25;            /* half a stop above the grey of a photographer's card: skies are bright */
 static const double highlight_limit = 4;      /* scaled luminance of the 99th percentile */
+static const double shade = 1.0 / 256;         /* darker than this part of the bright end: night side, black ground */
 static const double darkest_cd_m2 = 0.005;    /* nautical twilight */
 static const double pupil_base_ev = 14;
 
@@ -53,14 +54,16 @@ double exposure_metered(const struct welkin_request *request, const float (*samp
 	const int kept = luminances(samples, n < EXPOSURE_METER_MAX ? n : EXPOSURE_METER_MAX, white, sorted);
 	if (kept == 0)
 		return from_ev(pupil_base_ev) * compensation;
-	/* the darkest and brightest twentieth (a limb, a glint) do not move the mean */
-	const int cut = kept / 20;
+	const int end = kept - kept / 20; /* a glint or the sun's glow does not move the mean */
+	int first = 0;
+	while (first < end - 1 && sorted[first] < shade * sorted[end - 1])
+		first++;
 	double sum = 0;
-	for (int i = cut; i < kept - cut; i++)
+	for (int i = first; i < end; i++)
 		sum += log(fmax(sorted[i], darkest_cd_m2));
-	const double mean = exp(sum / (kept - 2 * cut));
+	const double mean = exp(sum / (end - first));
 	const double bright = fmax(sorted[kept - 1 - kept / 100], darkest_cd_m2);
-	return fmin(middle_grey / mean, highlight_limit / bright) * compensation;
+	return fmin(target / mean, highlight_limit / bright) * compensation;
 }
 
 void exposure_meter_size(const struct FrameBlock *frame, int *width, int *height)

@@ -14,8 +14,9 @@ double exposure_given(const struct welkin_request *request, const struct FrameBl
 
 /* Mode auto: from n linear Rec.709 samples (4 floats each, cd/m²; the fourth is luminance of sun ×
  * transmittance, white where the sample shows nothing but space, and such samples don't count).
- * Geometric mean of the middle of the luminances → 0.18, and the brightest percent at most 4 times
- * white; below a luminance of 0.005 cd/m² the scale grows no more, so that night stays dark. */
+ * The geometric mean of the luminances → 0.25, leaving out the brightest twentieth and what is more
+ * than 8 stops below the rest's brightest (a planet's night side, black ground); the brightest percent at
+ * most 4 times white. Below 0.005 cd/m² the scale grows no more, so that night stays dark. */
 double exposure_metered(const struct welkin_request *request, const float (*samples)[4], int n, float white);
 
 /* Size of the metering image for a view: the image's shape in about a thousand samples, fewer than
