@@ -17,7 +17,7 @@ ifneq ($(filter default undefined,$(origin CC)),)
 CC := gcc
 endif
 
-BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR cglm libsystemd inih libcjson zlib
+BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR libsystemd inih libcjson zlib
 TEST_PKGS  := cmocka libcurl gsl
 
 WARN   := -Wall -Wextra -Werror -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith -Wvla \
@@ -72,6 +72,11 @@ $(B)/flags: FORCE
 	@echo '$(subst ','\'',$(FLAGS_NOW))' | cmp -s - $@ || echo '$(subst ','\'',$(FLAGS_NOW))' > $@
 
 # ---- generated ----
+$(B)/gen/revision.h: FORCE
+	@mkdir -p $(@D)
+	@echo '#define WELKIN_REVISION "$(REVISION)"' | cmp -s - $@ || echo '#define WELKIN_REVISION "$(REVISION)"' > $@
+$(B)/obj/server/version.o: $(B)/gen/revision.h
+
 # One C array per file: bytes, NUL-terminated, with the name it is looked up by.
 define embed
 	@mkdir -p $(@D)
@@ -110,6 +115,65 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_LIB) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
 
 .PHONY: tests
 tests: $(TEST_BIN)
+
+# ---- two commands ----
+RUN_DEPS   := build-essential pkg-config libmicrohttpd-dev libepoxy-dev libegl-dev libgl1-mesa-dri libegl-mesa0 libpng-dev \
+              libdeflate-dev libopenexr-dev libnova-dev libsystemd-dev libinih-dev libcjson-dev zlib1g-dev
+CHECK_DEPS := $(RUN_DEPS) git curl libcmocka-dev libcurl4-openssl-dev libgsl-dev gnuplot-nox clang libclang-rt-14-dev clang-format \
+              clang-tidy cppcheck glslang-tools openexr pngcheck prometheus chromium chromium-driver python3-jsonschema \
+              openapi-specification
+
+# Installs what is missing of the named packages; without root or sudo it prints the line to type.
+define install_missing
+	@missing=; for p in $(1); do \
+	  [ "$$(dpkg-query -W -f='$${db:Status-Status}' $$p 2>/dev/null)" = installed ] || missing="$$missing $$p"; done; \
+	[ -z "$$missing" ] || { line="apt-get install -y --no-install-recommends$$missing"; \
+	  if [ "$$(id -u)" = 0 ]; then apt-get update -q && DEBIAN_FRONTEND=noninteractive $$line; \
+	  elif sudo -n true 2>/dev/null; then sudo apt-get update -q && sudo DEBIAN_FRONTEND=noninteractive $$line; \
+	  else echo "Packages are missing. As root, type:"; echo "  apt-get update && $$line"; exit 1; fi; }
+endef
+
+.PHONY: run check deps-run deps-check
+deps-run:
+	$(call install_missing,$(RUN_DEPS))
+deps-check:
+	$(call install_missing,$(CHECK_DEPS))
+
+LISTEN ?= 127.0.0.1:8080
+ADMIN  ?= 127.0.0.1:8081
+run: deps-run
+	@$(MAKE) --no-print-directory all
+	exec $(B)/welkin serve --listen $(LISTEN) --admin $(ADMIN) $(ARGS)
+
+check: deps-check
+	@tests/check.sh
+
+# ---- tools that measure ----
+.PHONY: fit-spectrum accuracy
+fit-spectrum: $(B)/tests/fit_spectrum
+	$(B)/tests/fit_spectrum gpu/spectrum_fit.h
+accuracy: $(B)/tests/accuracy
+	@mkdir -p $(B)/accuracy
+	$(B)/tests/accuracy $(B)/accuracy
+	gnuplot -e "folder='$(B)/accuracy'" tests/accuracy.gp
+
+# ---- lint ----
+C_FILES := $(API_SRC) $(GPU_SRC) $(SERVER_SRC) $(sort $(wildcard tests/*.c))
+H_FILES := $(sort $(wildcard api/*.h gpu/*.h server/*.h tests/*.h))
+.PHONY: lint format
+lint: $(GEN)
+	clang-format --dry-run -Werror $(C_FILES) $(H_FILES)
+	cppcheck --quiet --error-exitcode=1 --std=c11 --enable=warning,performance,portability --inline-suppr \
+	  --suppressions-list=tests/cppcheck.supp -I. -D_GNU_SOURCE $(API_SRC) $(GPU_SRC) $(SERVER_SRC)
+	tests/shader_check.sh shaders
+format:
+	clang-format -i $(C_FILES) $(H_FILES)
+
+# ---- install ----
+.PHONY: install
+install: all
+	install -D -m 755 $(B)/welkin $(DESTDIR)$(PREFIX)/bin/welkin
+	install -D -m 644 deploy/welkin.service $(DESTDIR)$(PREFIX)/lib/systemd/system/welkin.service
 
 .PHONY: clean
 clean:

@@ -96,8 +96,8 @@ const struct welkin_field welkin_fields[] = {
 	{ "atmosphere.method", WELKIN_TYPE_ENUM, "", 0, 0, "depth_table",
 	  "How the sky is computed; /v1/methods says what each does and where it fails.", welkin_method_names,
 	  AT(atmosphere.method) },
-	{ "atmosphere.steps", WELKIN_TYPE_INT, "", 1, 1024, "30", "Samples along a ray.", NULL, AT(atmosphere.steps) },
-	{ "atmosphere.light_steps", WELKIN_TYPE_INT, "", 1, 1024, "30",
+	{ "atmosphere.steps", WELKIN_TYPE_INT, "", 1, 512, "30", "Samples along a ray.", NULL, AT(atmosphere.steps) },
+	{ "atmosphere.light_steps", WELKIN_TYPE_INT, "", 1, 512, "30",
 	  "Samples from each of them towards the sun, for methods that march there.", NULL, AT(atmosphere.light_steps) },
 	{ "atmosphere.spectrum", WELKIN_TYPE_ENUM, "", 0, 0, "4",
 	  "Wavelengths of an image: rgb takes the coefficients at 680, 550 and 440 nm as red, green and blue; 4 renders four "

@@ -79,7 +79,7 @@ void text_number(struct text *text, double value)
 
 	if (value < 0)
 		text_puts(text, "-");
-	if (exponent < -5 || exponent > 14) {
+	if (exponent < -4 || exponent > 14) {
 		text_append(text, digits, 1);
 		if (n > 1) {
 			text_puts(text, ".");
@@ -89,7 +89,7 @@ void text_number(struct text *text, double value)
 		return;
 	}
 	if (exponent < 0)
-		text_printf(text, "0.%.*s", -exponent - 1, "0000");
+		text_printf(text, "0.%.*s", -exponent - 1, "000");
 	for (int i = 0; i < n || i <= exponent; i++) {
 		if (i == exponent + 1 && i > 0)
 			text_puts(text, ".");

@@ -179,15 +179,15 @@ static bool store_name(const struct welkin_field *field, const char *name, size_
 static bool store_flags(const struct welkin_field *field, const char *list, struct welkin_request *request,
 	struct welkin_faults *faults)
 {
-	bool ok = true;
-	while (*list && ok) {
+	while (*list) {
 		const size_t length = strcspn(list, ",");
-		ok = store_name(field, list, length, request, faults);
+		if (!store_name(field, list, length, request, faults))
+			return false;
 		list += length;
 		if (*list == ',' && *++list == '\0')
-			ok = fault(field, 400, faults, "the list ends in a comma");
+			return fault(field, 400, faults, "the list ends in a comma");
 	}
-	return ok;
+	return true;
 }
 
 static bool store_time(const struct welkin_field *field, const char *string, struct welkin_request *request,
@@ -200,28 +200,34 @@ static bool store_time(const struct welkin_field *field, const char *string, str
 	return fault(field, 400, faults, detail);
 }
 
-/* "1,2,3" into at most three numbers. */
-static bool split_numbers(const struct welkin_field *field, const char *string, double values[3], int *n,
+/* "1,2,3" into at most three numbers. Returns how many, 0 where it is not that. */
+static int split_numbers(const char *string, double values[3])
+{
+	for (int n = 0; n < 3; n++) {
+		char number[64];
+		const size_t length = strcspn(string, ",");
+		if (length >= sizeof number)
+			return 0;
+		memcpy(number, string, length);
+		number[length] = '\0';
+		if (!number_parse(number, &values[n]))
+			return 0;
+		if (!string[length])
+			return n + 1;
+		string += length + 1;
+	}
+	return 0;
+}
+
+static bool text_numbers(const struct welkin_field *field, const char *string, struct welkin_request *request,
 	struct welkin_faults *faults)
 {
-	const bool vector = field->type == WELKIN_TYPE_VEC3 || field->type == WELKIN_TYPE_TRIPLE;
-	const char *rest = string;
-	for (*n = 0; *n < 3; rest++) {
-		char number[64] = "";
-		const size_t length = vector ? strcspn(rest, ",") : strlen(rest);
-		if (length < sizeof number)
-			memcpy(number, rest, length);
-		if (!number_parse(number, &values[*n]))
-			break;
-		++*n;
-		rest += length;
-		if (!*rest) {
-			if (*n == 3 || field->type != WELKIN_TYPE_VEC3)
-				if (*n != 2)
-					return true;
-			break;
-		}
-	}
+	double values[3];
+	const int n = split_numbers(string, values);
+	const bool one = n == 1 && field->type != WELKIN_TYPE_VEC3;
+	const bool three = n == 3 && (field->type == WELKIN_TYPE_VEC3 || field->type == WELKIN_TYPE_TRIPLE);
+	if (one || three)
+		return store_numbers(field, values, n, request, faults);
 	char detail[120];
 	const char *wanted = field->type == WELKIN_TYPE_VEC3     ? "three numbers with commas between"
 	                     : field->type == WELKIN_TYPE_TRIPLE ? "one number, or three with commas between"
@@ -234,8 +240,6 @@ bool value_from_text(const struct welkin_field *field, const char *string, struc
 	struct welkin_faults *faults)
 {
 	int32_t *number = place(field, request);
-	double values[3];
-	int n;
 	switch (field->type) {
 	case WELKIN_TYPE_BOOL:
 		*number = !strcmp(string, "true") || !strcmp(string, "1");
@@ -253,7 +257,7 @@ bool value_from_text(const struct welkin_field *field, const char *string, struc
 	case WELKIN_TYPE_SEED:
 		break;
 	}
-	return split_numbers(field, string, values, &n, faults) && store_numbers(field, values, n, request, faults);
+	return text_numbers(field, string, request, faults);
 }
 
 static bool json_flags(const struct welkin_field *field, const cJSON *json, struct welkin_request *request,

@@ -4,6 +4,8 @@
 #include "api/error.h"
 #include "api/request.h"
 
+#include <stddef.h>
+
 /*
  * A way to compute the clear sky. Each gpu/methods/NAME.c defines `const struct method
  * method_NAME`; the registry is generated from the folder, sorted by name, and
@@ -13,6 +15,8 @@
  *
  * The first part is plain data that any process may read; tables() runs in the renderer only.
  */
+
+enum table_state { TABLE_FAILED, TABLE_BUILDING, TABLE_READY };
 
 struct frame_tables; /* tables.h */
 struct scene;        /* scene.h */
@@ -31,8 +35,9 @@ struct method {
 	const struct method_range *domain; /* terminated by field == NULL */
 	int single_scattering;          /* 1: orders above the first are left out by nature */
 	int physical;                   /* 1: uses the media coefficients; 0: an analytic sky */
-	/* Makes sure that the tables it reads exist and are bound (NULL: it reads none). */
-	bool (*tables)(struct frame_tables *tables, const struct scene *scene, struct error *err);
+	/* Makes sure that the tables it reads for a spectral batch exist and are bound (NULL: it reads
+	 * none). Not ready: work was dispatched, call again once it is done. */
+	enum table_state (*tables)(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
 };
 
 extern const struct method *const welkin_methods[]; /* generated; NULL-terminated */

@@ -16,6 +16,7 @@ enum { FIRST_NM = 360, LAST_NM = 830, N_TABLE = 48, N_CIE = 95, CIE_STEP_NM = 5 
 
 static const double lumens_per_watt = 683; /* at 555 nm, by definition of the candela */
 
+/* clang-format off */
 static const double solar_W_m2_nm[N_TABLE] = {
 	1.11776, 1.14259, 1.01249, 1.14716, 1.72765, 1.73054, 1.6887,  1.61253, 1.91198, 2.03474, 2.02042, 2.02212,
 	1.93377, 1.95809, 1.91686, 1.8298,  1.8685,  1.8931,  1.85149, 1.8504,  1.8341,  1.8345,  1.8147,  1.78158,
@@ -75,6 +76,7 @@ static const double cie_1931[N_CIE][3] = {
 	{ 7.221456e-06, 2.6078e-06, 0 }, { 5.085868e-06, 1.8366e-06, 0 }, { 3.581652e-06, 1.2934e-06, 0 },
 	{ 2.522525e-06, 9.1093e-07, 0 }, { 1.776509e-06, 6.4153e-07, 0 }, { 1.251141e-06, 4.5181e-07, 0 },
 };
+/* clang-format on */
 
 /* The three bands of `spectrum: rgb`, which are also where a triple of coefficients is given. */
 static const double rgb_nm[3] = { 680, 550, 440 };
@@ -216,9 +218,9 @@ double spectrum_luminance(const double *wavelengths_nm, const double *radiance, 
 	/* Between knots the integrand is a product of two straight lines: Simpson's rule is exact. */
 	for (double a = FIRST_NM, b; a < LAST_NM; a = b) {
 		b = fmin(next_knot(wavelengths_nm, n, a), LAST_NM);
-		sum += (b - a) / 6
-			* (luminous(wavelengths_nm, radiance, n, a) + luminous(wavelengths_nm, radiance, n, b)
-				+ 4 * luminous(wavelengths_nm, radiance, n, (a + b) / 2));
+		sum += (b - a) / 6 *
+		       (luminous(wavelengths_nm, radiance, n, a) + luminous(wavelengths_nm, radiance, n, b) +
+			       4 * luminous(wavelengths_nm, radiance, n, (a + b) / 2));
 	}
 	return lumens_per_watt * sum;
 }
@@ -253,5 +255,6 @@ static int bands_fitted(double wavelengths_nm[], double to_rgb[][3])
 int spectrum_bands(int spectrum, double wavelengths_nm[], double to_rgb[][3])
 {
 	assert(spectrum == WELKIN_SPECTRUM_RGB || spectrum == WELKIN_SPECTRUM_4);
-	return spectrum == WELKIN_SPECTRUM_RGB ? bands_rgb(wavelengths_nm, to_rgb) : bands_fitted(wavelengths_nm, to_rgb);
+	return spectrum == WELKIN_SPECTRUM_RGB ? bands_rgb(wavelengths_nm, to_rgb)
+					       : bands_fitted(wavelengths_nm, to_rgb);
 }

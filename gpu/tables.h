@@ -2,25 +2,57 @@
 #define WELKIN_GPU_TABLES_H
 
 #include "api/error.h"
+#include "gpu/method.h"
+#include "gpu/passes.h"
+#include "gpu/program.h"
 #include "gpu/scene.h"
 
 #include <stddef.h>
 
 struct frame_tables;
 
-/* Tables that kernels read as textures, built by a kernel on first use, keyed by a hash of
- * exactly what they depend on, kept under a memory budget (least recently used goes first). */
+/* Tables that kernels read as textures, built by a kernel on first use, keyed by exactly what they
+ * depend on, kept under a memory budget (least recently used goes first). */
 
 struct table_desc {
 	const char *name;   /* kernel shaders/tables/NAME.comp writes image unit 0 (writeonly); also the pass name "table-NAME" */
 	int width, height, depth; /* depth 0: 2-D */
 	unsigned internal_format; /* GL_RGBA32F, … */
 	int unit;           /* texture unit where the readers expect it (UNIT_…) */
+	int iterations;     /* > 1: the kernel runs that often, LOCATION_ITERATION counting from 0 */
+	int feedback;       /* 1: each run writes a new table and finds the last one's bound to the unit */
+	int threads[3];     /* invocations; 0: one per texel */
 };
 
-/* Makes sure the table for this key exists (dispatching its kernel with the scene's blocks bound
- * when it does not) and binds it to its unit: linear filter, clamped to the edge. */
-bool tables_need(struct frame_tables *tables, const struct table_desc *desc, const void *key, size_t key_size,
-	const struct scene *scene, struct error *err);
+/* Makes sure the table for this key (at most 1024 bytes) exists and binds it to its unit: linear
+ * filter, clamped to the edge. Where it does not, the call dispatches its kernel with the blocks of the scene and the
+ * batch bound. A kernel that runs once is ready for the passes that follow; of one that iterates each
+ * call dispatches one run and says that it is building, and the caller waits for the device (and
+ * lets others have their turn) between calls. desc is told apart by its address: make it static. */
+enum table_state tables_need(struct frame_tables *tables, const struct table_desc *desc, const void *key,
+	size_t key_size, int batch, struct error *err);
+
+/* ---- for the renderer, not for methods ---- */
+
+/* passes and programs stay the caller's and outlive it. NULL: out of memory. */
+struct frame_tables *tables_create(struct passes *passes, struct programs *programs, double budget_mib);
+void tables_destroy(struct frame_tables *tables);
+
+/* Before a slice asks for its tables: from here on, those it needs are not let go of. */
+void tables_begin_slice(struct frame_tables *tables);
+
+/* The tables asked for since the slice began. */
+enum { TABLES_REPORT_MAX = 8 };
+struct tables_report {
+	int n;
+	struct {
+		char pass[32];
+		bool built; /* false: it was there already */
+	} entries[TABLES_REPORT_MAX];
+};
+const struct tables_report *tables_report(const struct frame_tables *tables);
+
+/* Memory of the tables kept. */
+double tables_bytes(const struct frame_tables *tables);
 
 #endif

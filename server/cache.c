@@ -117,11 +117,8 @@ void cache_destroy(struct cache *cache)
 void *cache_find(struct cache *cache, const char *key)
 {
 	struct entry *e = *slot(cache, key);
-	if (!e || !e->value) {
-		cache->stats.misses++;
+	if (!e || !e->value)
 		return NULL;
-	}
-	cache->stats.hits++;
 	use_list_drop(e);
 	use_list_front(cache, e);
 	return e->value;

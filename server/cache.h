@@ -16,7 +16,7 @@ struct cache *cache_create(size_t budget_bytes, void (*release)(void *value)); /
 void cache_destroy(struct cache *cache); /* nothing may be in progress */
 
 /* The value, now the most recently used, or NULL. Still the cache's: take a reference before the
- * lock goes. Counts a hit or a miss. */
+ * lock goes. */
 void *cache_find(struct cache *cache, const char *key);
 
 /* Takes over the caller's reference and returns true, or leaves it and returns false when the
@@ -30,7 +30,7 @@ void cache_end(struct cache *cache, const char *key, const void *leader); /* not
 
 struct cache_stats {
 	size_t bytes, entries;
-	unsigned long long hits, misses, evictions;
+	unsigned long long evictions;
 };
 struct cache_stats cache_stats(const struct cache *cache);
 

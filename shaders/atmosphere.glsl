@@ -115,10 +115,11 @@ float phase_cornette_shanks(float g, float nu)
 	return phase_henyey_greenstein(g, nu) * 1.5 * (1.0 + nu * nu) / (2.0 + g * g);
 }
 
-/* Blasi, Le Saec & Schlick 1993, with the usual k = 1.55 g - 0.55 g³. */
+/* Blasi, Le Saec & Schlick 1993, with the usual k = 1.55 g - 0.55 g³, which passes 1 at g = 0.938 and is
+ * held below it. */
 float phase_schlick(float g, float nu)
 {
-	float k = 1.55 * g - 0.55 * g * g * g, d = max(1.0 - k * nu, 1e-5);
+	float k = clamp(1.55 * g - 0.55 * g * g * g, -0.999, 0.999), d = 1.0 - k * nu;
 	return (1.0 - k * k) / (4.0 * PI * d * d);
 }
 

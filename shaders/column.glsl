@@ -22,14 +22,23 @@ float piece_position(Piece piece, float s, out float jacobian)
 	return piece.start + (piece.fall ? piece.extent - x : x);
 }
 
+vec3 piece_sample(float h, float mu, Piece piece, vec2 n)
+{
+	float jacobian, t = piece_position(piece, n.x, jacobian);
+	return density_at(altitude_at(h, mu, t)) * (n.y * jacobian);
+}
+
+/* Eight nodes a turn: llvmpipe ends an invocation's loops after 65,535 turns in all, without a word
+ * (LP_MAX_TGSI_LOOP_ITERATIONS), which a march of 256 x 256 steps would reach. */
 vec3 piece_column(float h, float mu, Piece piece, ivec2 rule)
 {
 	vec3 sum = vec3(0.0);
-	for (int i = 0; i < rule.y; i++) {
-		vec2 n = node[rule.x + i];
-		float jacobian, t = piece_position(piece, n.x, jacobian);
-		sum += density_at(altitude_at(h, mu, t)) * (n.y * jacobian);
-	}
+	int first = rule.x, end = rule.x + rule.y;
+	for (; first + 8 <= end; first += 8)
+		for (int i = 0; i < 8; i++)
+			sum += piece_sample(h, mu, piece, node[first + i]);
+	for (; first < end; first++)
+		sum += piece_sample(h, mu, piece, node[first]);
 	return sum;
 }
 

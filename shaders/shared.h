@@ -23,13 +23,13 @@ typedef unsigned int uint;
 #define BIND_MEDIA 1
 #define BIND_BANDS 2
 
-/* Shader storage bindings */
-#define BIND_RADIANCE 0      /* vec4 per pixel of the strip: linear Rec.709 cd/m² accumulated over batches, a = opacity; directions mode: spectral L of the batch */
-#define BIND_INSCATTER 1     /* vec4 per pixel: rgb in-scattered cd/m², a = depth in m (layers only) */
-#define BIND_TRANSMITTANCE 2 /* vec4 per pixel: rgb; directions mode: spectral T of the batch */
-#define BIND_DIRECTIONS 3    /* vec4 per direction (directions mode) */
+/* Shader storage bindings. A strip's pixels are numbered by rows; so are the directions of a radiance job. */
+#define BIND_RADIANCE 0      /* vec4 per pixel: linear Rec.709 cd/m² added up over batches, a = luminance of sun × transmittance; FEATURE_SPECTRAL: L of the batch */
+#define BIND_INSCATTER 1     /* vec4 per pixel: rgb in-scattered cd/m², a = distance to the ground in m (FEATURE_LAYERS) */
+#define BIND_TRANSMITTANCE 2 /* vec4 per pixel: rgb of sun × transmittance; FEATURE_SPECTRAL: T of the batch */
+#define BIND_DIRECTIONS 3    /* vec4 per pixel: unit vector, w = solid angle in sr, 0 for a bare direction, negative where the pixel shows nothing */
 #define BIND_OUTPUT 4        /* packed pixels of the strip */
-#define BIND_METER 5         /* exposure meter */
+#define BIND_COUNTERS 5      /* uint: pixels of the frame that were not finite */
 #define BIND_NODES 6         /* quadrature nodes: vec2 (position in [0,1], weight) */
 
 /* Texture units; a method's tables sit at fixed units so that programs need no set-up. */
@@ -47,22 +47,50 @@ typedef unsigned int uint;
 #define RULE_COUNT 9
 
 /* Plain uniforms */
-#define LOCATION_TILE 0  /* ivec4: x, y, width, height of the strip in the image; directions mode: first, 0, count, 1 */
-#define LOCATION_ITERATION 4 /* int: how often a table's kernel has run before */
+#define LOCATION_TILE 0  /* ivec4: x, y, width, height of the strip in the image; a radiance job: first direction, 0, count, 1 */
 #define LOCATION_BATCH 1 /* int: index of the spectral batch; 0 clears the accumulators */
+#define LOCATION_PLANES 2 /* ivec4: where in BIND_OUTPUT, in uints, inscatter, transmittance and depth start; -1: not wanted */
+#define LOCATION_WHITE 3 /* vec4: linear Rec.709 of the sun's irradiance over all batches, and its luminance: what a transmittance of 1 adds up to */
+#define LOCATION_ITERATION 5 /* int: how often a table's kernel has run before */
+#define LOCATION_BOX 4   /* ivec4: x, y, width, height of the part of the strip that the sun's disk may touch */
 
 #define WORKGROUP_X 16
 #define WORKGROUP_Y 4
+#define WORKGROUP_LINE 64 /* of kernels that number pixels instead */
 
 /* Bits of FrameBlock.features: what the planner left in. A kernel skips what is not set. */
 #define FEATURE_SUN_DISK 1
 #define FEATURE_GROUND 2
 #define FEATURE_LAYERS 4
-#define FEATURE_DIRECTIONS 8 /* rays come from BIND_DIRECTIONS, no matrix, no disk */
+#define FEATURE_SPECTRAL 8 /* radiance job: L and T per band, no matrix */
 
 #define PHASE_CORNETTE_SHANKS 0
 #define PHASE_HENYEY_GREENSTEIN 1
 #define PHASE_SCHLICK 2
+
+/* FrameBlock.projection, cube_face and tone_map: enums of api/request.h, whose order they follow. */
+#define PROJECTION_PERSPECTIVE 0
+#define PROJECTION_EQUIRECTANGULAR 1
+#define PROJECTION_FISHEYE 2
+#define PROJECTION_CUBE_FACE 3
+#define PROJECTION_CUBEMAP 4
+#define FACE_FRONT 0
+#define FACE_RIGHT 1
+#define FACE_BACK 2
+#define FACE_LEFT 3
+#define FACE_UP 4
+#define FACE_DOWN 5
+#define TONE_AGX 0
+#define TONE_ACES 1
+#define TONE_REINHARD 2
+#define TONE_EXPONENTIAL 3
+#define TONE_NONE 4
+
+/* FrameBlock.output_format */
+#define OUTPUT_RGBA8 0
+#define OUTPUT_RGBA16 1
+#define OUTPUT_HALF 2
+#define OUTPUT_FLOAT 3
 
 /* Camera, sun and output of a frame. */
 WELKIN_BLOCK(FrameBlock, BIND_FRAME)
@@ -81,7 +109,7 @@ WELKIN_BLOCK(FrameBlock, BIND_FRAME)
 	int dither;
 	uint seed;
 	int features;        /* FEATURE_ bits */
-	int output_format;   /* 0: rgba8, 1: rgba16, 2: half, 3: float */
+	int output_format;   /* OUTPUT_ */
 	float sun_solid_angle; /* sr */
 	int reserved0;
 WELKIN_BLOCK_END(frame)

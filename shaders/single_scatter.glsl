@@ -6,7 +6,7 @@
  *     vec3 sun_column(float h, float mu_s);
  *
  * the column of each medium from a point at altitude h towards a sun at cosine mu_s, for a sun
- * above the point's horizon. Methods differ in that function only. Comes after sky.glsl.
+ * above the point's horizon. Methods differ in that function only.
  *
  * Accuracy for few steps: the ray is cut where the integrand has kinks — at its lowest point and
  * where it enters and leaves the planet's shadow, a cylinder for a distant sun — and each piece is
@@ -177,13 +177,4 @@ Scattered scatter_along(vec3 view, vec3 vertical, float h, float mu)
 	result.ground = exp(-DEPTH(integral.column)) * bands.ground_albedo * bands.sun_irradiance * E / PI;
 	result.smooth_part += result.ground;
 	return result;
-}
-
-/* method_sky() of the methods that integrate along every pixel's ray. */
-void scatter_sky(Ray ray, out vec4 L, out vec4 T)
-{
-	Scattered s = scatter_along(ray.d, ray.up, ray.h, ray.mu);
-	L = s.smooth_part + s.aerosol * phase_aerosol(dot(ray.d, frame.sun_direction.xyz));
-	T = s.T;
-	ground_reflected = s.ground;
 }

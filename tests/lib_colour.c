@@ -73,8 +73,8 @@ double colour_delta_e_2000(const double lab1[3], const double lab2[3])
 	sl = 1 + 0.015 * (l - 50) * (l - 50) / sqrt(20 + (l - 50) * (l - 50));
 	sc = 1 + 0.045 * c;
 	sh = 1 + 0.015 * c * t;
-	rt = -sin(60 * exp(-((h - 275) / 25) * ((h - 275) / 25)) * M_PI / 180) * 2
-		* sqrt(pow7(c) / (pow7(c) + pow7(25)));
+	rt = -sin(60 * exp(-((h - 275) / 25) * ((h - 275) / 25)) * M_PI / 180) * 2 *
+	     sqrt(pow7(c) / (pow7(c) + pow7(25)));
 	dl /= sl;
 	dc /= sc;
 	dh /= sh;

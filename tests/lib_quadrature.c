@@ -80,9 +80,15 @@ static double s_of_altitude(double R, double k, double altitude)
 static int break_altitudes(const struct welkin_atmosphere *a, double out[MAX_ALTITUDES])
 {
 	double list[MAX_ALTITUDES] = {
-		a->ozone_center_m - a->ozone_half_width_m, a->ozone_center_m, a->ozone_center_m + a->ozone_half_width_m,
-		3 * a->aerosol_scale_height_m, 10 * a->aerosol_scale_height_m, 25 * a->aerosol_scale_height_m,
-		3 * a->rayleigh_scale_height_m, 10 * a->rayleigh_scale_height_m, 25 * a->rayleigh_scale_height_m,
+		a->ozone_center_m - a->ozone_half_width_m,
+		a->ozone_center_m,
+		a->ozone_center_m + a->ozone_half_width_m,
+		3 * a->aerosol_scale_height_m,
+		10 * a->aerosol_scale_height_m,
+		25 * a->aerosol_scale_height_m,
+		3 * a->rayleigh_scale_height_m,
+		10 * a->rayleigh_scale_height_m,
+		25 * a->rayleigh_scale_height_m,
 	};
 	int n = 0;
 
@@ -194,9 +200,9 @@ struct quadrature {
 	int generation;
 
 	/* Of the direction at hand. */
-	double k, s_camera;           /* the view ray */
-	double sun_s0, sun_slope;     /* sun ray's s at view-ray s: sun_s0 + sun_slope·s */
-	double breaks[MAX_BREAKS];    /* of s: ends and inner break points, ascending */
+	double k, s_camera;               /* the view ray */
+	double sun_s0, sun_slope;         /* sun ray's s at view-ray s: sun_s0 + sun_slope·s */
+	double breaks[MAX_BREAKS];        /* of s: ends and inner break points, ascending */
 	double columns_at[MAX_BREAKS][3]; /* from the camera (or the entry) to the break */
 	int n_breaks;
 
@@ -290,9 +296,9 @@ static double integrand(double s, void *context)
 
 	if (!p->lit)
 		return 0;
-	return (q->media.rayleigh * p->density[0] * q->phase_rayleigh
-		       + q->media.aerosol_scattering * p->density[1] * q->phase_aerosol)
-		* exp(-optical_depth(&q->media, p->columns));
+	return (q->media.rayleigh * p->density[0] * q->phase_rayleigh +
+		       q->media.aerosol_scattering * p->density[1] * q->phase_aerosol) *
+	       exp(-optical_depth(&q->media, p->columns));
 }
 
 static void add_break(struct quadrature *q, double s)
@@ -398,8 +404,8 @@ static void integrate(struct quadrature *q, struct quadrature_result *result)
 	for (int i = 0; i + 1 < q->n_breaks; i++) {
 		double value, error;
 
-		gsl_integration_qag(&f, q->breaks[i], q->breaks[i + 1], q->tolerance * rough / q->n_breaks, q->tolerance,
-			WORKSPACE, GSL_INTEG_GAUSS21, q->workspace, &value, &error);
+		gsl_integration_qag(&f, q->breaks[i], q->breaks[i + 1], q->tolerance * rough / q->n_breaks,
+			q->tolerance, WORKSPACE, GSL_INTEG_GAUSS21, q->workspace, &value, &error);
 		result->radiance += value * q->media.sun_irradiance;
 		result->error += error * q->media.sun_irradiance;
 	}
@@ -433,8 +439,8 @@ void quadrature_radiance(struct quadrature *q, const double direction[3], const 
 		difference[i] = direction[i] - q->sun[i];
 	one_minus_nu = dot(difference, difference) / 2;
 	q->phase_rayleigh = quadrature_phase_rayleigh(1 - one_minus_nu);
-	q->phase_aerosol = quadrature_phase_aerosol(q->request.atmosphere.aerosol_phase, q->request.atmosphere.aerosol_g,
-		one_minus_nu);
+	q->phase_aerosol = quadrature_phase_aerosol(
+		q->request.atmosphere.aerosol_phase, q->request.atmosphere.aerosol_g, one_minus_nu);
 	for (int w = 0; w < n_wavelengths; w++) {
 		struct quadrature_result *r = &results[w];
 

@@ -31,8 +31,8 @@ double quadrature_phase_aerosol(int kind, double g, double one_minus_nu);
 void quadrature_columns(const struct welkin_atmosphere *atmosphere, double altitude_m, double mu, double start_m,
 	double end_m, double columns[3]);
 /* From altitude_m to the top of the atmosphere; the ray must not meet the ground. */
-void quadrature_columns_to_top(const struct welkin_atmosphere *atmosphere, double altitude_m, double mu,
-	double columns[3]);
+void quadrature_columns_to_top(
+	const struct welkin_atmosphere *atmosphere, double altitude_m, double mu, double columns[3]);
 
 struct quadrature_result {
 	double radiance;      /* W/m²/sr/nm */

@@ -34,7 +34,8 @@ static struct quadrature_result radiance_of(const struct welkin_request *request
 	return result;
 }
 
-static struct quadrature_result towards(const struct welkin_request *request, double elevation, double azimuth, double nm)
+static struct quadrature_result towards(
+	const struct welkin_request *request, double elevation, double azimuth, double nm)
 {
 	double direction[3];
 
@@ -62,8 +63,8 @@ static void test_vertical_column(void **state)
 static void test_vertical_transmittance(void **state)
 {
 	struct welkin_request r = request_of(WELKIN_EARTH, 0, 45);
-	double tau = 1.24062e-6 * pow(0.55, -4) * 8000 * -expm1(-7.5) + 4.44e-6 * 1200 * -expm1(-50)
-		+ 300 * 2.687e20 * 3.5e-25;
+	double tau = 1.24062e-6 * pow(0.55, -4) * 8000 * -expm1(-7.5) + 4.44e-6 * 1200 * -expm1(-50) +
+		     300 * 2.687e20 * 3.5e-25;
 
 	(void)state;
 	check_close(towards(&r, 90, 0, 550).transmittance, exp(-tau), 1e-12, "T at 550 nm");
@@ -118,7 +119,8 @@ static void test_chapman_slant(void **state)
 		gsl_integration_qag(&f, 1e-6, split, 0, 1e-12, 1000, GSL_INTEG_GAUSS61, w, &integral, &error);
 		if (c.chi > split)
 			gsl_integration_qag(&f, split, c.chi, 0, 1e-12, 1000, GSL_INTEG_GAUSS61, w, &beyond, &error);
-		check_close(columns[0], exp(-altitude / H) * H * c.x * sin(c.chi) * (integral + beyond), 1e-9, "Ch(x, chi)");
+		check_close(columns[0], exp(-altitude / H) * H * c.x * sin(c.chi) * (integral + beyond), 1e-9,
+			"Ch(x, chi)");
 	}
 	gsl_integration_workspace_free(w);
 }
@@ -146,7 +148,8 @@ static long double altitude_integral(long double R, long double rho0_squared, lo
 /* The tent's column for a ray that rises from below it. */
 static double tent_column(const struct welkin_atmosphere *a, double altitude, double mu)
 {
-	long double R = a->planet_radius_m, r = R + altitude, rho0_squared = r * r * (1 - (long double)mu * mu), s[3], F[3];
+	long double R = a->planet_radius_m, r = R + altitude, rho0_squared = r * r * (1 - (long double)mu * mu), s[3],
+		    F[3];
 
 	for (int i = 0; i < 3; i++) {
 		long double h = a->ozone_center_m + (i - 1) * a->ozone_half_width_m;
@@ -154,16 +157,17 @@ static double tent_column(const struct welkin_atmosphere *a, double altitude, do
 		s[i] = sqrtl((R + h) * (R + h) - rho0_squared);
 		F[i] = altitude_integral(R, rho0_squared, s[i]);
 	}
-	return (double)((F[1] - F[0] - (a->ozone_center_m - a->ozone_half_width_m) * (s[1] - s[0])
-				- (F[2] - F[1]) + (a->ozone_center_m + a->ozone_half_width_m) * (s[2] - s[1]))
-		/ a->ozone_half_width_m);
+	return (double)((F[1] - F[0] - (a->ozone_center_m - a->ozone_half_width_m) * (s[1] - s[0]) - (F[2] - F[1]) +
+				(a->ozone_center_m + a->ozone_half_width_m) * (s[2] - s[1])) /
+			a->ozone_half_width_m);
 }
 
 /* The fixed rule between break points against a plain adaptive one, and against the tent's closed form
  * (a plain adaptive rule misses its kinks). */
 static void test_columns_converged(void **state)
 {
-	static const double altitude[] = { 0, 1.7, 900, 11000, 26000, 59000 }, mu[] = { 1, 0.3, 0.02, 0.0005, -0.01, -0.04 };
+	static const double altitude[] = { 0, 1.7, 900, 11000, 26000, 59000 },
+			    mu[] = { 1, 0.3, 0.02, 0.0005, -0.01, -0.04 };
 	struct welkin_atmosphere a = request_of(WELKIN_EARTH, 0, 90).atmosphere;
 	gsl_integration_workspace *w = gsl_integration_workspace_alloc(4000);
 
@@ -182,7 +186,8 @@ static void test_columns_converged(void **state)
 
 			gsl_integration_qag(&f, 0, end, 1e-9, 1e-11, 4000, GSL_INTEG_GAUSS31, w, &value, &error);
 			if (!(fabs(columns[species] - value) <= 1e-9 * value + 1e-7))
-				fail_msg("h %g mu %g species %d: %.12g, adaptive %.12g", h, m, species, columns[species], value);
+				fail_msg("h %g mu %g species %d: %.12g, adaptive %.12g", h, m, species,
+					columns[species], value);
 		}
 		if (h < 10e3 && m > 0)
 			check_close(columns[2], tent_column(&a, h, m), 1e-9, "ozone tent");
@@ -201,9 +206,9 @@ static double phase_integrand(double one_minus_nu, void *context)
 {
 	const struct phase *p = context;
 
-	return 2 * M_PI
-		* (p->kind < 0 ? quadrature_phase_rayleigh(1 - one_minus_nu)
-			       : quadrature_phase_aerosol(p->kind, p->g, one_minus_nu));
+	return 2 * M_PI *
+	       (p->kind < 0 ? quadrature_phase_rayleigh(1 - one_minus_nu)
+			    : quadrature_phase_aerosol(p->kind, p->g, one_minus_nu));
 }
 
 /* Over pieces that shrink towards both poles, where the peaks are. */
@@ -261,10 +266,10 @@ static void test_thin_limit(void **state)
 		struct quadrature_media m = quadrature_media(&r, 440);
 
 		quadrature_columns_to_top(&r.atmosphere, 1.7, sin(elevation[i] * M_PI / 180), columns);
-		wanted = m.sun_irradiance
-			* (m.rayleigh * columns[0] * quadrature_phase_rayleigh(nu)
-				+ m.aerosol_scattering * columns[1]
-					* quadrature_phase_aerosol(WELKIN_CORNETTE_SHANKS, 0.8, 1 - nu));
+		wanted = m.sun_irradiance *
+			 (m.rayleigh * columns[0] * quadrature_phase_rayleigh(nu) +
+				 m.aerosol_scattering * columns[1] *
+					 quadrature_phase_aerosol(WELKIN_CORNETTE_SHANKS, 0.8, 1 - nu));
 		check_close(towards(&r, elevation[i], 90, 440).radiance, wanted, 1e-5, "thin limit");
 	}
 }
@@ -280,7 +285,8 @@ static void test_thin_shadow(void **state)
 
 		for (int i = 0; i < 3; i++)
 			r.atmosphere.rayleigh_scattering_per_m[i] = 1e-12;
-		wanted = 1e-12 * 8000 * (exp(-edge / 8000) - exp(-60.0 / 8)) * quadrature_phase_rayleigh(sin(e * M_PI / 180));
+		wanted = 1e-12 * 8000 * (exp(-edge / 8000) - exp(-60.0 / 8)) *
+			 quadrature_phase_rayleigh(sin(e * M_PI / 180));
 		check_close(towards(&r, 90, 0, 550).radiance, wanted, 1e-6, "zenith above the shadow");
 	}
 }
@@ -365,12 +371,15 @@ static void test_mirrored(void **state)
 
 	(void)state;
 	for (double azimuth = 15; azimuth < 180; azimuth += 40) {
-		check_close(towards(&r, 8, azimuth, 550).radiance, towards(&r, 8, -azimuth, 550).radiance, 1e-7, "left, right");
-		check_close(towards(&r, -8, azimuth, 550).radiance, towards(&r, -8, -azimuth, 550).radiance, 1e-7, "on the ground");
+		check_close(towards(&r, 8, azimuth, 550).radiance, towards(&r, 8, -azimuth, 550).radiance, 1e-7,
+			"left, right");
+		check_close(towards(&r, -8, azimuth, 550).radiance, towards(&r, -8, -azimuth, 550).radiance, 1e-7,
+			"on the ground");
 	}
 	r.sun.elevation_deg = 90;
 	for (double azimuth = 15; azimuth < 360; azimuth += 60)
-		check_close(towards(&r, 8, azimuth, 550).radiance, towards(&r, 8, 0, 550).radiance, 1e-7, "sun in the zenith");
+		check_close(towards(&r, 8, azimuth, 550).radiance, towards(&r, 8, 0, 550).radiance, 1e-7,
+			"sun in the zenith");
 }
 
 static void rotate(double v[3], double angle)
@@ -474,8 +483,8 @@ static void test_direct_sun_against_disort(void **state)
 			if (sscanf(line, "%lf,%lf,%lf", &zenith, &nm, &direct) != 3 || zenith > 60)
 				continue;
 			r = request_of(preset, 0, 90 - zenith);
-			check_close(quadrature_media(&r, nm).sun_irradiance * cos(zenith * M_PI / 180)
-					* towards(&r, 90 - zenith, 0, nm).transmittance,
+			check_close(quadrature_media(&r, nm).sun_irradiance * cos(zenith * M_PI / 180) *
+					    towards(&r, 90 - zenith, 0, nm).transmittance,
 				direct, 5e-4, names[preset]);
 			n++;
 		}

@@ -81,7 +81,8 @@ static void test_luminance(void **state)
 
 	(void)state;
 	check_near(spectrum_luminance(flat_nm, one, 1), 683 * 106.857, 1, "flat spectrum from one sample");
-	check_near(spectrum_luminance(line_nm, one, 5), spectrum_luminance(flat_nm, one, 1), 1e-6, "the same from five");
+	check_near(
+		spectrum_luminance(line_nm, one, 5), spectrum_luminance(flat_nm, one, 1), 1e-6, "the same from five");
 	/* A line at 555 nm, 0.002 nm wide at its foot: 683 lm/W × 0.001 nm. */
 	check_near(spectrum_luminance(line_nm, line, 5), 0.683, 1e-5, "line at 555 nm");
 	check_near(spectrum_luminance(a_nm, a, 3), spectrum_luminance(b_nm, b, 3), 1e-9, "order of samples");
@@ -100,7 +101,9 @@ static void test_luminance_exact(void **state)
 
 		while (k < 2 && x > nm[k + 1])
 			k++;
-		value = x <= nm[0] ? L[0] : x >= nm[3] ? L[3] : L[k] + (L[k + 1] - L[k]) * (x - nm[k]) / (nm[k + 1] - nm[k]);
+		value = x <= nm[0]   ? L[0]
+			: x >= nm[3] ? L[3]
+				     : L[k] + (L[k + 1] - L[k]) * (x - nm[k]) / (nm[k + 1] - nm[k]);
 		spectrum_cie(x, xyz);
 		sum += 683 * xyz[1] * value / 1000;
 	}
@@ -179,8 +182,8 @@ static void test_d65(void **state)
 /* W/m²/nm at 1 AU from a black sphere of the sun's radius at its effective temperature, 5772 K. */
 static double black_sun(double nm)
 {
-	double metres = nm * 1e-9, radiance = 2 * 6.62607015e-34 * 299792458.0 * 299792458.0 / pow(metres, 5)
-		/ expm1(6.62607015e-34 * 299792458.0 / (metres * 1.380649e-23 * 5772));
+	double metres = nm * 1e-9, radiance = 2 * 6.62607015e-34 * 299792458.0 * 299792458.0 / pow(metres, 5) /
+					      expm1(6.62607015e-34 * 299792458.0 / (metres * 1.380649e-23 * 5772));
 
 	return 1e-9 * radiance * M_PI * pow(695.7e6 / 149597870700.0, 2);
 }
@@ -198,8 +201,8 @@ static void test_sun(void **state)
 		black_watts += (i == 0 || i == 47 ? 5 : 10) * black[i];
 	}
 	lux = spectrum_luminance(nm, E, 48);
-	print_message("sun: %.1f W/m² from 360 to 830 nm (black sun %.1f), %.1f klx (%.1f)\n", watts, black_watts, lux / 1e3,
-		spectrum_luminance(nm, black, 48) / 1e3);
+	print_message("sun: %.1f W/m² from 360 to 830 nm (black sun %.1f), %.1f klx (%.1f)\n", watts, black_watts,
+		lux / 1e3, spectrum_luminance(nm, black, 48) / 1e3);
 	/* The visible sun is a few per cent brighter than a black body of its total power. */
 	assert_true(watts > black_watts && watts < 1.06 * black_watts);
 	/* Published values of the solar illuminance constant: 128 (older) to 134 klx (newer spectra). */

@@ -1,25 +1,14 @@
 #include "gpu/method.h"
-#include "gpu/tables.h"
-
-#include <epoxy/gl.h>
+#include "gpu/sky_tables.h"
 
 static const char *const fields[] = { "atmosphere.steps", NULL };
 static const struct method_range domain[] = { { NULL } };
 
-/* Columns depend on the planet and the profiles, never on coefficients, bands, sun or camera. */
-static bool tables(struct frame_tables *frame_tables, const struct scene *scene, struct error *err)
+static enum table_state tables(struct frame_tables *frame_tables, const struct scene *scene, int batch,
+	struct error *err)
 {
-	static const struct table_desc optical_depth = {
-		.name = "optical_depth",
-		.width = 256,
-		.height = 128,
-		.internal_format = GL_RGBA32F,
-		.unit = UNIT_OPTICAL_DEPTH,
-	};
-	const struct MediaBlock *media = &scene->media;
-	const float key[] = { media->planet_radius, media->top, media->rayleigh_scale_height,
-		media->aerosol_scale_height, media->ozone_center, media->ozone_half_width };
-	return tables_need(frame_tables, &optical_depth, key, sizeof key, scene, err);
+	(void)batch; /* columns are the same for all bands */
+	return need_optical_depth(frame_tables, scene, err);
 }
 
 const struct method method_depth_table = {

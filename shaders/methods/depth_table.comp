@@ -1,6 +1,6 @@
 /* Ray march with the column to the sun from the optical-depth table. */
 #include "sky.glsl"
-#include "single_scatter.glsl"
+#include "scatter_sky.glsl"
 #include "optical_depth_table.glsl"
 
 layout(binding = UNIT_OPTICAL_DEPTH) uniform sampler2D optical_depth_texture;

@@ -23,7 +23,6 @@ void method_sky(Ray ray, out vec4 L, out vec4 T)
 		L = (frame.features & FEATURE_GROUND) != 0 ?
 			bands.ground_albedo * (sunlight * max(mu_s, 0.0) + bands.sun_irradiance * day * depth) / PI : vec4(0.0);
 		ground_reflected = L;
-		ground_reflected = L;
 		return;
 	}
 	vec4 through = exp(-depth * thin / (max(ray.mu, 0.0) + GRADIENT_SOFTNESS));

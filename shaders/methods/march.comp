@@ -1,6 +1,6 @@
 /* Nested ray march: the column to the sun is integrated anew at every step. */
 #include "sky.glsl"
-#include "single_scatter.glsl"
+#include "scatter_sky.glsl"
 
 vec3 sun_column(float h, float mu_s)
 {

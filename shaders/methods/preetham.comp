@@ -97,5 +97,4 @@ void method_sky(Ray ray, out vec4 L, out vec4 T)
 	/* lit by the sun and by a sky taken to be as bright as its zenith all over */
 	vec4 sun = mu_s > 0.0 ? bands.sun_irradiance * mu_s * attenuation(t, mu_s) : vec4(0.0);
 	L = ground_reflected = bands.ground_albedo * (sun / PI + sky_radiance(t, 1.0, mu_s, mu_s));
-	ground_reflected = L;
 }

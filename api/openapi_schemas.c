@@ -1,0 +1,143 @@
+#include "api/openapi.h"
+
+/* Schemas of what the server replies. Members may be added to replies without a new version of
+ * the interface, so these objects stay open. */
+
+static cJSON *add_schema(cJSON *schemas, const char *name, const char *description)
+{
+	cJSON *schema = doc_object(schemas, name);
+	doc_string(schema, "type", "object");
+	doc_string(schema, "description", description);
+	doc_object(schema, "properties");
+	return schema;
+}
+
+static cJSON *property(cJSON *schema, const char *name, const char *type, const char *description)
+{
+	cJSON *p = doc_object(cJSON_GetObjectItemCaseSensitive(schema, "properties"), name);
+	doc_string(p, "type", type);
+	doc_string(p, "description", description);
+	return p;
+}
+
+static cJSON *property_list(cJSON *schema, const char *name, const char *item_type, const char *description)
+{
+	cJSON *p = property(schema, name, "array", description);
+	cJSON *items = doc_object(p, "items");
+	doc_string(items, "type", item_type);
+	return items;
+}
+
+/* Lists by direction, each a list by wavelength. */
+static void property_table(cJSON *schema, const char *name, const char *description, int nullable)
+{
+	cJSON *numbers = doc_object(property_list(schema, name, "array", description), "items");
+	cJSON *types = doc_array(numbers, "type");
+	doc_string(types, NULL, "number");
+	if (nullable)
+		doc_string(types, NULL, "null");
+}
+
+static void add_direction(cJSON *schemas)
+{
+	static const char *const heights[] = { "elevation_deg", "zenith_deg" };
+	cJSON *schema = doc_object(schemas, "Direction");
+	doc_string(schema, "description",
+		"One direction: elevation or zenith angle with the azimuth clockwise from north, or a vector (x east, y up, z south) "
+		"of any length.");
+	cJSON *choices = doc_array(schema, "oneOf");
+	for (int i = 0; i < 2; i++) {
+		cJSON *choice = doc_object(choices, NULL);
+		doc_string(choice, "type", "object");
+		doc_bool(choice, "additionalProperties", 0);
+		cJSON *required = doc_array(choice, "required");
+		doc_string(required, NULL, heights[i]);
+		doc_string(required, NULL, "azimuth_deg");
+		doc_object(choice, "properties");
+		cJSON *height = property(choice, heights[i], "number", i ? "Angle from the zenith." : "Angle above the horizon.");
+		doc_number(height, "minimum", i ? 0 : -90);
+		doc_number(height, "maximum", i ? 180 : 90);
+		cJSON *azimuth = property(choice, "azimuth_deg", "number", "Clockwise from north.");
+		doc_number(azimuth, "minimum", -360);
+		doc_number(azimuth, "maximum", 360);
+	}
+	cJSON *choice = doc_object(choices, NULL);
+	doc_string(choice, "type", "object");
+	doc_bool(choice, "additionalProperties", 0);
+	doc_string(doc_array(choice, "required"), NULL, "vector");
+	doc_object(choice, "properties");
+	property_list(choice, "vector", "number", "Not all three zero.");
+	cJSON *vector =
+		cJSON_GetObjectItemCaseSensitive(cJSON_GetObjectItemCaseSensitive(choice, "properties"), "vector");
+	doc_number(vector, "minItems", 3);
+	doc_number(vector, "maxItems", 3);
+}
+
+static void add_problem(cJSON *schemas)
+{
+	cJSON *schema = add_schema(schemas, "Problem", "A problem document (RFC 9457).");
+	cJSON *required = doc_array(schema, "required");
+	doc_string(required, NULL, "type");
+	doc_string(required, NULL, "status");
+	doc_string(property(schema, "type", "string", "Which kind of problem."), "format", "uri-reference");
+	property(schema, "title", "string", "The kind in words.");
+	cJSON *status = property(schema, "status", "integer", "The HTTP status.");
+	doc_number(status, "minimum", 400);
+	doc_number(status, "maximum", 599);
+	property(schema, "detail", "string", "What happened this time.");
+	property(schema, "instance", "string", "The path of the request.");
+	property(schema, "error_count", "integer", "How many faults were found; the list holds the first 64.");
+	cJSON *item = property_list(schema, "errors", "object", "Every fault found in the request.");
+	cJSON *needed = doc_array(item, "required");
+	doc_string(needed, NULL, "field");
+	doc_string(needed, NULL, "detail");
+	doc_object(item, "properties");
+	property(item, "field", "string", "Dotted name of the field; empty for the request as a whole.");
+	property(item, "detail", "string", "What is wrong with it.");
+	property(item, "allowed", "string", "What would be right.");
+}
+
+static void add_radiance_reply(cJSON *schemas)
+{
+	cJSON *schema = add_schema(schemas, "RadianceReply", "Measured values, in the order of the request's lists.");
+	cJSON *required = doc_array(schema, "required");
+	doc_string(required, NULL, "radiance");
+	doc_string(required, NULL, "unit");
+	property_table(schema, "radiance", "Spectral radiance, by direction and then by wavelength.", 0);
+	property_table(schema, "std_error", "Its standard error; null where the method has none.", 1);
+	property_table(schema, "transmittance", "From the camera to the top of the atmosphere; 0 where the ground is in the way.", 0);
+	property_list(schema, "luminance_cd_m2", "number", "Luminance by direction, from the wavelengths asked for.");
+	property(schema, "unit", "string", "Unit of radiance and std_error: W/m2/sr/nm.");
+	property(schema, "timing_ms", "object", "How long each part took.");
+	property(schema, "device", "string", "What rendered it.");
+}
+
+void openapi_schemas(cJSON *schemas)
+{
+	add_direction(schemas);
+	add_problem(schemas);
+	add_radiance_reply(schemas);
+
+	cJSON *schema = add_schema(schemas, "Metadata", "About one picture: the first part of a multipart/mixed reply.");
+	doc_ref(cJSON_GetObjectItemCaseSensitive(schema, "properties"), "request", "schemas/Request");
+	property(schema, "method", "string", "The method that was used.");
+	property(schema, "device", "string", "What rendered it.");
+	property(schema, "timing_ms", "object", "How long each part took.");
+
+	schema = add_schema(schemas, "Methods", "The methods of this server.");
+	cJSON *item = property_list(schema, "methods", "object", "Sorted by name.");
+	doc_object(item, "properties");
+	property(item, "name", "string", "As in atmosphere.method.");
+	property(item, "summary", "string", "What it does.");
+
+	schema = add_schema(schemas, "Presets", "The presets of this server.");
+	item = property_list(schema, "presets", "object", "In the order of atmosphere.preset.");
+	doc_object(item, "properties");
+	property(item, "name", "string", "As in atmosphere.preset.");
+	property(item, "description", "string", "What it is.");
+	property(item, "fields", "object", "The fields it sets, by dotted name.");
+
+	schema = add_schema(schemas, "Version", "What is running.");
+	property(schema, "version", "string", "Of Welkin.");
+	property(schema, "device", "string", "What renders.");
+}

@@ -1,0 +1,187 @@
+#include "api/preset.h"
+#include "api/value.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* From what a client gave to a request in which every value stands. The order of the steps is
+ * that of what depends on what. */
+
+struct work {
+	const uint8_t *given;
+	struct welkin_request *r;
+	struct welkin_faults *faults;
+};
+
+/* What the projection asks of the image, and what it gets when nothing is said. */
+struct shape {
+	int width, height; /* default; also the aspect ratio when only one side is given */
+	double fov_deg, max_fov_deg;
+};
+
+static const struct shape shapes[] = {
+	[WELKIN_PERSPECTIVE] = { 1280, 720, 60, 179 },
+	[WELKIN_EQUIRECTANGULAR] = { 1024, 512, 180, 360 },
+	[WELKIN_FISHEYE] = { 1024, 1024, 180, 360 },
+	[WELKIN_CUBE_FACE] = { 512, 512, 90, 360 },
+	[WELKIN_CUBEMAP] = { 1280, 960, 90, 360 },
+};
+
+static bool given(const struct work *w, const char *name)
+{
+	const int index = welkin_field_find(name);
+	assert(index >= 0);
+	return w->given[index];
+}
+
+static void fixed_defaults(struct work *w)
+{
+	for (int i = 0; i < welkin_field_count; i++) {
+		const struct welkin_field *field = &welkin_fields[i];
+		if (!w->given[i] && field->default_text[0])
+			value_from_text(field, field->default_text, w->r, w->faults);
+	}
+	assert(w->faults->n == 0); /* the table's own text */
+}
+
+static int other_side(int side, int shape_this, int shape_other)
+{
+	const int other = (int)lround((double)side * shape_other / shape_this);
+	return other < 1 ? 1 : other;
+}
+
+static void resolve_size(struct work *w)
+{
+	struct welkin_image *image = &w->r->image;
+	const struct shape *shape = &shapes[image->projection];
+	const bool width = given(w, "image.width"), height = given(w, "image.height");
+	if (!width)
+		image->width = height ? other_side(image->height, shape->height, shape->width) : shape->width;
+	if (!height)
+		image->height = width ? other_side(image->width, shape->width, shape->height) : shape->height;
+}
+
+static void check_image(struct work *w, enum welkin_format format, const struct welkin_limits *limits)
+{
+	const struct welkin_image *image = &w->r->image;
+	const char *side = given(w, "image.width") || !given(w, "image.height") ? "image.width" : "image.height";
+	if (image->width > 16384 || image->height > 16384)
+		welkin_fault_add(w->faults, 422, side, "at most 16384 px for either side", "the image would be %d by %d",
+			image->width, image->height);
+	if (limits && (double)image->width * image->height > limits->max_pixels) {
+		char allowed[80];
+		snprintf(allowed, sizeof allowed, "width times height at most %.0f", limits->max_pixels);
+		welkin_fault_add(w->faults, 422, side, allowed, "%d by %d pixels are more than this server renders", image->width,
+			image->height);
+	}
+	if (image->projection == WELKIN_CUBE_FACE && image->width != image->height)
+		welkin_fault_add(w->faults, 422, side, "width equal to height", "a cube's face is square, not %d by %d", image->width,
+			image->height);
+	if (image->projection == WELKIN_CUBEMAP && (image->width % 4 || image->width / 4 * 3 != image->height))
+		welkin_fault_add(w->faults, 422, side, "4 n by 3 n pixels",
+			"a cubemap is a cross of square faces, which do not fit %d by %d", image->width, image->height);
+	if (format == WELKIN_PNG && image->layers)
+		welkin_fault_add(w->faults, 422, "image.layers", "only for EXR", "a PNG image has no layers");
+}
+
+static void resolve_sun(struct work *w)
+{
+	struct welkin_sun *sun = &w->r->sun;
+	double elevation_deg, azimuth_deg;
+	welkin_sun_position(w->r->time_ms, w->r->latitude_deg, w->r->longitude_deg, &elevation_deg, &azimuth_deg);
+	if (!given(w, "sun.elevation_deg"))
+		sun->elevation_deg = elevation_deg;
+	if (!given(w, "sun.azimuth_deg"))
+		sun->azimuth_deg = azimuth_deg;
+}
+
+/* Height above the sphere of radius R about (0, -R, 0), without the cancellation of √(…) − R. */
+static double altitude_of(const double position[3], double radius)
+{
+	const double across = position[0] * position[0] + position[2] * position[2];
+	const double y = position[1];
+	if (across == 0) /* exactly, so that altitude → position → altitude changes nothing */
+		return y >= -radius ? y : -2 * radius - y;
+	return (across + y * (2 * radius + y)) / (sqrt(across + (radius + y) * (radius + y)) + radius);
+}
+
+static void resolve_position(struct work *w)
+{
+	struct welkin_camera *camera = &w->r->camera;
+	const double radius = w->r->atmosphere.planet_radius_m;
+	if (!given(w, "camera.position_m")) {
+		camera->position_m[0] = camera->position_m[2] = 0;
+		camera->position_m[1] = camera->altitude_m;
+		return;
+	}
+	double altitude = altitude_of(camera->position_m, radius);
+	if (altitude < 0 && altitude > -1e-3)
+		altitude = 0; /* coordinates of a point on a sphere are never exact */
+	if (altitude < 0)
+		welkin_fault_add(w->faults, 422, "camera.position_m", "on or above the ground", "is %.6g m below the ground",
+			-altitude);
+	else if (altitude > 1e8)
+		welkin_fault_add(w->faults, 422, "camera.position_m", "at most 1e8 m above the ground", "is %.6g m above the ground",
+			altitude);
+	else if (given(w, "camera.altitude_m") && fabs(altitude - camera->altitude_m) > 1e-3 + 1e-6 * altitude)
+		welkin_fault_add(w->faults, 422, "camera.altitude_m", "one of the two, or both in agreement",
+			"%.10g m contradicts camera.position_m, which is %.10g m above the ground", camera->altitude_m, altitude);
+	camera->altitude_m = altitude;
+}
+
+static void resolve_view(struct work *w)
+{
+	struct welkin_camera *camera = &w->r->camera;
+	const struct shape *shape = &shapes[w->r->image.projection];
+	if (!given(w, "camera.heading_deg"))
+		camera->heading_deg = w->r->sun.azimuth_deg;
+	if (!given(w, "camera.fov_deg"))
+		camera->fov_deg = shape->fov_deg;
+	if (camera->fov_deg > shape->max_fov_deg)
+		welkin_fault_add(w->faults, 422, "camera.fov_deg", "0.01 to 179 deg for perspective",
+			"%.10g degrees do not fit on a plane", camera->fov_deg);
+}
+
+static double turn(double angle_deg)
+{
+	double a = fmod(angle_deg, 360);
+	if (a < 0)
+		a += 360;
+	return a >= 360 ? 0 : a; /* -1e-15 + 360 */
+}
+
+static void make_canonical(struct welkin_request *r)
+{
+	r->camera.heading_deg = turn(r->camera.heading_deg);
+	r->sun.azimuth_deg = turn(r->sun.azimuth_deg);
+	for (int i = 0; i < welkin_field_count; i++) {
+		int n;
+		double *numbers = value_numbers(&welkin_fields[i], r, &n);
+		for (int k = 0; k < n; k++)
+			numbers[k] += 0.0; /* -0 becomes 0 */
+	}
+}
+
+void welkin_resolve(const struct welkin_draft *draft, enum welkin_format format, const struct welkin_limits *limits,
+	struct welkin_request *out, struct welkin_faults *faults)
+{
+	if (faults->n > 0)
+		return;
+	memset(out, 0, sizeof *out);
+	struct work w = { draft->given, out, faults };
+	/* Field by field, so that what lies between them in the draft cannot get into the bytes. */
+	for (int i = 0; i < welkin_field_count; i++)
+		if (draft->given[i])
+			value_copy(&welkin_fields[i], out, &draft->request);
+	fixed_defaults(&w);
+	preset_apply(draft->given, out);
+	out->image.format = format;
+	resolve_size(&w);
+	check_image(&w, format, limits);
+	resolve_sun(&w);
+	resolve_position(&w);
+	resolve_view(&w);
+	make_canonical(out);
+}

@@ -1,0 +1,222 @@
+#include "gpu/frame.h"
+
+#include "gpu/clock.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+
+/* The first strip of a setting whose cost is not known: small enough for any method. */
+enum { UNKNOWN_COST_PIXELS = 1024 };
+
+static bool in_range(int value, int last)
+{
+	return value >= 0 && value <= last;
+}
+
+/* What the rest of the renderer takes for granted. The server resolves requests before it sends
+ * them; this is for the day when it does not. */
+static const char *find_fault(const struct welkin_job *job)
+{
+	const struct welkin_request *r = &job->request;
+	const struct welkin_image *image = &r->image;
+	if (!in_range(job->kind, WELKIN_JOB_RADIANCE))
+		return "unknown kind of job";
+	if (!in_range(r->atmosphere.method, welkin_method_count - 1))
+		return "unknown method";
+	if (!in_range(r->atmosphere.steps - 1, 1023) || !in_range(r->atmosphere.light_steps - 1, 1023))
+		return "step counts outside 1 to 1024";
+	if (welkin_job_bytes(job) == 0)
+		return "sizes out of range";
+	if (!in_range(image->format, WELKIN_EXR) || !in_range(image->projection, WELKIN_CUBEMAP) ||
+	    !in_range(image->cube_face, WELKIN_DOWN) || !in_range(r->tone_map, WELKIN_TONE_NONE) ||
+	    !in_range(r->exposure_mode, WELKIN_EXPOSURE_PUPIL) || !in_range(r->atmosphere.spectrum, WELKIN_SPECTRUM_4))
+		return "a choice that does not exist";
+	return NULL;
+}
+
+static bool map_pixels(struct frame *f, int memfd, struct error *err)
+{
+	struct stat st;
+	const size_t needed = welkin_job_bytes(&f->job);
+	if (fstat(memfd, &st) != 0 || st.st_size < 0 || (size_t)st.st_size < needed)
+		return error_set(err, "the job came without memory for its %zu bytes", needed);
+	void *map = mmap(NULL, needed, PROT_READ | PROT_WRITE, MAP_SHARED, memfd, 0);
+	if (map == MAP_FAILED)
+		return error_set(err, "the job's memory can't be mapped for writing");
+	f->map = map;
+	f->map_size = needed;
+	return true;
+}
+
+static void prepare(struct frame *f)
+{
+	const struct welkin_job *job = &f->job;
+	if (job->kind == WELKIN_JOB_RADIANCE) {
+		const struct welkin_radiance_layout at =
+			welkin_radiance_layout(job->n_directions, job->n_wavelengths);
+		scene_prepare(&f->scene, &job->request, (const double *)(const void *)f->map + at.wavelengths,
+			job->n_wavelengths);
+		f->stage = FRAME_DIRECTIONS;
+	} else {
+		scene_prepare(&f->scene, &job->request, NULL, 0);
+	}
+	planner_plan(&f->plan, job, &f->scene, f->method);
+	f->scene.frame.features = f->plan.features;
+	f->result.id = job->id;
+	f->result.bands = f->scene.n_bands;
+	f->result.exposure_scale = 1;
+	f->result.expected_error = NAN;
+}
+
+struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, int memfd, struct error *err)
+{
+	const char *fault = find_fault(job);
+	if (fault) {
+		error_set(err, "%s", fault);
+		return NULL;
+	}
+	struct frame *f = calloc(1, sizeof *f);
+	if (!f) {
+		error_set(err, "out of memory");
+		return NULL;
+	}
+	f->job = *job;
+	f->started_ms = clock_ms();
+	f->method = welkin_methods[job->request.atmosphere.method];
+	char file[64];
+	snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
+	if (!map_pixels(f, memfd, err) || !(f->sky = programs_get(ws->programs, file, "", err))) {
+		frame_destroy(ws, f);
+		return NULL;
+	}
+	prepare(f);
+	if (job->kind == WELKIN_JOB_IMAGE && !image_start(ws, f, err)) {
+		frame_destroy(ws, f);
+		return NULL;
+	}
+	return f;
+}
+
+void frame_destroy(struct workspace *ws, struct frame *frame)
+{
+	if (!frame)
+		return;
+	if (ws->bound == frame)
+		ws->bound = NULL;
+	if (frame->map)
+		munmap(frame->map, frame->map_size);
+	free(frame->samples);
+	free(frame);
+}
+
+void frame_finish(struct frame *frame, enum welkin_status status, const char *message)
+{
+	struct welkin_result *r = &frame->result;
+	frame->stage = FRAME_DONE;
+	r->status = status;
+	r->n_passes = frame->log.n;
+	memcpy(r->passes, frame->log.times, sizeof r->passes);
+	r->n_plan = frame->plan.n;
+	memcpy(r->plan, frame->plan.entries, sizeof r->plan);
+	r->render_ms = fmax(clock_ms() - frame->started_ms, 1e-6);
+	r->readback_ms = fmax(r->readback_ms, 1e-6);
+	if (message)
+		snprintf(r->message, sizeof r->message, "%s", message);
+}
+
+int frame_afford(struct workspace *ws, const struct frame *frame, int batches, double start_ms)
+{
+	const struct welkin_atmosphere *a = &frame->job.request.atmosphere;
+	const double cost = workspace_cost(ws, a->method, a->steps, a->light_steps) * batches;
+	const double left_ms = fmax(ws->slice_ms - (clock_ms() - start_ms), ws->slice_ms / 4);
+	if (cost <= 0)
+		return UNKNOWN_COST_PIXELS;
+	return (int)fmax(1, fmin(left_ms / cost, ws->strip_pixels));
+}
+
+bool frame_settle(struct workspace *ws, struct frame *frame, int pixels, int batches, struct error *err)
+{
+	struct pass_log slice = { 0 };
+	if (!passes_finish(ws->passes, &slice, err))
+		return false;
+	double ms = 0;
+	for (int i = 0; i < slice.n; i++) {
+		pass_log_add(&frame->log, slice.times[i].name, slice.times[i].ms);
+		if (strncmp(slice.times[i].name, "table-", 6) != 0)
+			ms += slice.times[i].ms;
+	}
+	const struct welkin_atmosphere *a = &frame->job.request.atmosphere;
+	workspace_learn(ws, a->method, a->steps, a->light_steps, ms / pixels / batches, pixels);
+	return true;
+}
+
+/* The plan's lines about tables: once, when the first slice has asked for them. */
+static void note_tables(struct frame *f, const struct tables_report *report)
+{
+	for (int i = 0; i < report->n && !f->tables_noted; i++)
+		planner_note(&f->plan, report->entries[i].pass, report->entries[i].built, "%s",
+			report->entries[i].built ? "built for this frame" : "kept from an earlier frame");
+	f->tables_noted = 1;
+}
+
+/* Puts the frame's data on the device when another's is there, and sees to the tables of all batches. */
+static enum table_state bind(struct workspace *ws, struct frame *f, struct error *err)
+{
+	if (ws->bound != f) {
+		passes_blocks(ws->passes, &f->scene);
+		if (f->stage == FRAME_DIRECTIONS && !photometer_bind(ws, f, err))
+			return TABLE_FAILED;
+		ws->bound = f;
+	}
+	tables_begin_slice(ws->tables);
+	enum table_state state = TABLE_READY;
+	for (int batch = 0; batch < f->scene.n_batches && state == TABLE_READY; batch++)
+		state = frame_tables(ws, f, batch, err);
+	note_tables(f, tables_report(ws->tables));
+	return state;
+}
+
+enum table_state frame_tables(struct workspace *ws, const struct frame *frame, int batch, struct error *err)
+{
+	return frame->method->tables ? frame->method->tables(ws->tables, &frame->scene, batch, err) : TABLE_READY;
+}
+
+bool frame_slice(struct workspace *ws, struct frame *frame, struct error *err)
+{
+	const double start_ms = clock_ms();
+	struct error why = { "" };
+	switch (bind(ws, frame, &why)) {
+	case TABLE_FAILED:
+		frame_finish(frame, WELKIN_FAILED, why.text);
+		return passes_finish(ws->passes, NULL, err);
+	case TABLE_BUILDING:
+		return passes_finish(ws->passes, &frame->log, err);
+	case TABLE_READY:
+		break;
+	}
+	do {
+		const bool ok = frame->stage == FRAME_DIRECTIONS ? photometer_step(ws, frame, start_ms, &why)
+								 : image_step(ws, frame, start_ms, &why);
+		if (!ok)
+			return error_set(err, "%s", why.text);
+	} while (frame->stage != FRAME_DONE && clock_ms() - start_ms < ws->slice_ms * 0.75);
+	return true;
+}
+
+double frame_left_ms(struct workspace *ws, const struct frame *frame)
+{
+	const struct welkin_atmosphere *a = &frame->job.request.atmosphere;
+	const double known = workspace_cost(ws, a->method, a->steps, a->light_steps);
+	const double cost = known > 0 ? known : 1e-4;
+	const struct welkin_job *job = &frame->job;
+	if (frame->stage == FRAME_DIRECTIONS)
+		return cost * ((double)job->n_directions * (frame->scene.n_batches - frame->batch) - frame->direction);
+	double pixels = strips_left(&frame->strips);
+	if (frame->stage == FRAME_METER)
+		pixels += (double)job->request.image.width * job->request.image.height;
+	return cost * pixels * frame->scene.n_batches;
+}

@@ -1,0 +1,72 @@
+#ifndef WELKIN_GPU_FRAME_H
+#define WELKIN_GPU_FRAME_H
+
+#include "gpu/exposure.h"
+#include "gpu/job.h"
+#include "gpu/method.h"
+#include "gpu/planner.h"
+#include "gpu/strips.h"
+#include "gpu/workspace.h"
+
+/*
+ * A job on its way: prepared once, then worked on in slices of bounded time, each of which leaves
+ * the device idle and the shared buffers free for another frame.
+ *
+ *     image:    METER (exposure.mode auto: a small image of the view) → STRIPS → DONE
+ *     radiance: DIRECTIONS (batch by batch, a range of directions at a time) → DONE
+ */
+enum frame_stage { FRAME_METER, FRAME_STRIPS, FRAME_DIRECTIONS, FRAME_DONE };
+
+struct frame {
+	struct welkin_job job;
+	const struct method *method;
+	const struct program *rays, *sky, *disk, *output; /* disk, output: chosen when the strips begin */
+	enum frame_stage stage;
+	struct strips strips;  /* METER, STRIPS */
+	int batch, direction;  /* DIRECTIONS: what comes next */
+	float (*samples)[4];   /* METER: as exposure_metered() takes them */
+	int sun_box[4];        /* STRIPS: pixels that the disk may touch; empty without one */
+	float white[4];        /* what a transmittance of 1 adds up to: linear Rec.709, luminance */
+	unsigned char *map;    /* the memfd */
+	size_t map_size;
+	double started_ms;     /* clock_ms() */
+	double waits;          /* slices that others got since its last; the renderer's */
+	int tables_noted;
+	struct scene scene;
+	struct plan plan;
+	struct pass_log log;
+	struct welkin_result result;
+};
+
+/* Checks the job, maps the memfd (which stays the caller's) and prepares. NULL with the reason. */
+struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, int memfd, struct error *err);
+void frame_destroy(struct workspace *ws, struct frame *frame);
+
+/* Works for about ws->slice_ms. A failure of this frame alone makes it DONE with result.status
+ * failed; false means that the context is of no more use. */
+bool frame_slice(struct workspace *ws, struct frame *frame, struct error *err);
+
+/* Estimated device time until DONE. */
+double frame_left_ms(struct workspace *ws, const struct frame *frame);
+
+/* Makes it DONE with that status; message NULL: none. Fills in the times measured so far. */
+void frame_finish(struct frame *frame, enum welkin_status status, const char *message);
+
+/* ---- between frame.c, image.c and photometer.c ---- */
+
+/* Pixels (or directions) that fit into what is left of a slice which began at start_ms. */
+int frame_afford(struct workspace *ws, const struct frame *frame, int batches, double start_ms);
+/* Waits for the passes run, adds their times to the frame's, and learns what the pixels cost. */
+bool frame_settle(struct workspace *ws, struct frame *frame, int pixels, int batches, struct error *err);
+
+/* Binds the method's tables for a spectral batch. In a slice they are ready. */
+enum table_state frame_tables(struct workspace *ws, const struct frame *frame, int batch, struct error *err);
+
+/* One step each of the stages of their kind. */
+bool image_start(struct workspace *ws, struct frame *frame, struct error *err);
+bool image_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
+bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
+/* Puts the job's directions on the device. */
+bool photometer_bind(struct workspace *ws, const struct frame *frame, struct error *err);
+
+#endif

@@ -1,0 +1,261 @@
+/* The stages of an image job: metering the exposure, then strip by strip. */
+#include "gpu/frame.h"
+
+#include "gpu/clock.h"
+#include "gpu/view.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { CHANNELS = 4 };
+
+/* What T = 1 adds up to over the batches, in the order kernels add. */
+static void set_white(struct frame *f)
+{
+	static const float Y[3] = { 0.2126390f, 0.7151687f, 0.0721923f };
+	for (int b = 0; b < f->scene.n_batches; b++) {
+		const struct BandsBlock *bands = &f->scene.batches[b];
+		for (int c = 0; c < 3; c++)
+			for (int k = 0; k < 4; k++)
+				f->white[c] += bands->to_rgb[c][k] * bands->sun_irradiance[k];
+	}
+	for (int c = 0; c < 3; c++)
+		f->white[3] += Y[c] * f->white[c];
+}
+
+static int output_format(const struct welkin_image *image)
+{
+	if (image->format == WELKIN_PNG)
+		return image->png_bits == 16 ? OUTPUT_RGBA16 : OUTPUT_RGBA8;
+	return image->exr_type == WELKIN_HALF ? OUTPUT_HALF : OUTPUT_FLOAT;
+}
+
+/* From metering, or at once, to the image itself. */
+static void begin_strips(struct workspace *ws, struct frame *f, double scale)
+{
+	const struct welkin_image *image = &f->job.request.image;
+	struct FrameBlock *frame = &f->scene.frame;
+	frame->width = image->width;
+	frame->height = image->height;
+	frame->features = f->plan.features;
+	frame->output_format = output_format(image);
+	frame->exposure_scale = (float)scale;
+	f->result.exposure_scale = (double)frame->exposure_scale;
+	f->strips = (struct strips){ .width = image->width, .height = image->height };
+	f->stage = FRAME_STRIPS;
+	if (f->plan.features & FEATURE_SUN_DISK)
+		view_sun_box(frame, f->sun_box);
+	if (ws->bound == f)
+		passes_blocks(ws->passes, &f->scene);
+}
+
+/* The view in small, without sun's disk and layers. */
+static bool begin_meter(struct frame *f)
+{
+	struct FrameBlock *frame = &f->scene.frame;
+	int width, height;
+	exposure_meter_size(frame, &width, &height);
+	f->samples = calloc((size_t)width * (size_t)height, sizeof *f->samples);
+	if (!f->samples)
+		return false;
+	frame->width = width;
+	frame->height = height;
+	frame->features &= FEATURE_GROUND;
+	f->strips = (struct strips){ .width = width, .height = height };
+	f->stage = FRAME_METER;
+	return true;
+}
+
+/* The kernels that this view and this output need. */
+static bool choose_programs(struct workspace *ws, struct frame *f, struct error *err)
+{
+	const struct welkin_image *image = &f->job.request.image;
+	char projection[32], output[64];
+	snprintf(projection, sizeof projection, "PROJECTION=%d", image->projection);
+	if (image->format == WELKIN_PNG)
+		snprintf(output, sizeof output, "FORMAT=%d TONE=%d LAYERS=0", output_format(image), f->job.request.tone_map);
+	else
+		snprintf(output, sizeof output, "FORMAT=%d TONE=%d LAYERS=%d", output_format(image), TONE_NONE,
+			f->plan.features & FEATURE_LAYERS);
+	return (f->rays = programs_get(ws->programs, "rays.comp", projection, err)) &&
+	       (f->disk = programs_get(ws->programs, "sun_disk.comp", projection, err)) &&
+	       (f->output = programs_get(ws->programs, "output.comp", output, err));
+}
+
+bool image_start(struct workspace *ws, struct frame *frame, struct error *err)
+{
+	if (!choose_programs(ws, frame, err))
+		return false;
+	set_white(frame);
+	if (!frame->plan.meter)
+		begin_strips(ws, frame, exposure_given(&frame->job.request, &frame->scene.frame));
+	else if (!begin_meter(frame))
+		return error_set(err, "out of memory");
+	return true;
+}
+
+static void run_sky(struct workspace *ws, const struct frame *f, const char *name, const int tile[4],
+	unsigned radiance)
+{
+	struct pass rays = { .name = "rays", .program = f->rays, .threads = { tile[2], tile[3], 1 } };
+	memcpy(rays.tile, tile, sizeof rays.tile);
+	rays.storage[BIND_DIRECTIONS] = ws->rays.id;
+	passes_run(ws->passes, &rays);
+	struct pass sky = { .name = name, .program = f->sky, .threads = { tile[2] * tile[3], 1, 1 } };
+	memcpy(sky.tile, tile, sizeof sky.tile);
+	sky.storage[BIND_DIRECTIONS] = ws->rays.id;
+	sky.storage[BIND_RADIANCE] = radiance;
+	sky.storage[BIND_INSCATTER] = ws->inscatter.id;
+	sky.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
+	for (sky.batch = 0; sky.batch < f->scene.n_batches; sky.batch++) {
+		frame_tables(ws, f, sky.batch, NULL);
+		passes_run(ws->passes, &sky);
+	}
+}
+
+/* On the part of the strip that the disk may touch, if there is one. */
+static void run_disk(struct workspace *ws, const struct frame *f, const int tile[4])
+{
+	struct pass pass = { .name = "sun-disk", .program = f->disk };
+	memcpy(pass.tile, tile, sizeof pass.tile);
+	for (int i = 0; i < 2; i++) {
+		const int from = f->sun_box[i] > tile[i] ? f->sun_box[i] : tile[i];
+		const int box_end = f->sun_box[i] + f->sun_box[i + 2], tile_end = tile[i] + tile[i + 2];
+		pass.box[i] = from;
+		pass.box[i + 2] = (box_end < tile_end ? box_end : tile_end) - from;
+		if (pass.box[i + 2] <= 0)
+			return;
+		pass.threads[i] = pass.box[i + 2];
+	}
+	pass.storage[BIND_DIRECTIONS] = ws->rays.id;
+	pass.storage[BIND_RADIANCE] = ws->radiance.id;
+	pass.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
+	passes_run(ws->passes, &pass);
+}
+
+static bool meter_step(struct workspace *ws, struct frame *f, double start_ms, struct error *err)
+{
+	int tile[4];
+	strips_next(&f->strips, frame_afford(ws, f, f->scene.n_batches, start_ms), tile);
+	const int pixels = tile[2] * tile[3];
+	const size_t size = (size_t)pixels * sizeof *f->samples;
+	if (!workspace_reserve(&ws->meter, size, true, err) || !workspace_reserve(&ws->rays, size, false, err)) {
+		frame_finish(f, WELKIN_FAILED, err->text);
+		return true;
+	}
+	run_sky(ws, f, "meter", tile, ws->meter.id);
+	if (!frame_settle(ws, f, pixels, f->scene.n_batches, err))
+		return false;
+	const float(*from)[4] = ws->meter.data;
+	for (int row = 0; row < tile[3]; row++)
+		memcpy(f->samples + (tile[1] + row) * f->strips.width + tile[0], from + row * tile[2],
+			(size_t)tile[2] * sizeof *from);
+	if (strips_done(&f->strips)) {
+		const struct FrameBlock *frame = &f->scene.frame;
+		const double scale = exposure_metered(&f->job.request, (const float(*)[4])f->samples,
+			frame->width * frame->height, f->white[3]);
+		begin_strips(ws, f, scale);
+	}
+	return true;
+}
+
+/* Where the planes of a strip lie in the output buffer and how many bytes a pixel has in each. */
+struct strip_planes {
+	size_t offset[4], pixel[4], size; /* main, inscatter, transmittance, depth; pixel 0: not there */
+};
+
+static struct strip_planes lay_out(const struct welkin_image_layout *layout, int format, int pixels)
+{
+	static const size_t main_pixel[] = { 4, 8, 8, 16 };
+	const size_t none = (size_t)-1;
+	struct strip_planes p = { .pixel = { main_pixel[format], layout->inscatter == none ? 0 : 12,
+					  layout->transmittance == none ? 0 : 12, layout->depth == none ? 0 : 4 } };
+	for (int i = 0; i < 4; i++) {
+		p.offset[i] = p.size;
+		p.size += p.pixel[i] * (size_t)pixels;
+	}
+	return p;
+}
+
+static void copy_plane(unsigned char *image, int image_width, const unsigned char *strip, const int tile[4], size_t pixel)
+{
+	const size_t row_bytes = (size_t)tile[2] * pixel, stride = (size_t)image_width * pixel;
+	unsigned char *to = image + (size_t)tile[1] * stride + (size_t)tile[0] * pixel;
+	if (tile[2] == image_width) {
+		memcpy(to, strip, row_bytes * (size_t)tile[3]);
+		return;
+	}
+	for (int row = 0; row < tile[3]; row++)
+		memcpy(to + (size_t)row * stride, strip + (size_t)row * row_bytes, row_bytes);
+}
+
+static void read_back(struct workspace *ws, struct frame *f, const struct welkin_image_layout *layout,
+	const struct strip_planes *planes, const int tile[4])
+{
+	const double start_ms = clock_ms();
+	const size_t at[4] = { layout->main, layout->inscatter, layout->transmittance, layout->depth };
+	const unsigned char *strip = ws->output.data;
+	for (int i = 0; i < 4; i++)
+		if (planes->pixel[i])
+			copy_plane(f->map + at[i], f->job.request.image.width, strip + planes->offset[i], tile,
+				planes->pixel[i]);
+	f->result.readback_ms += clock_ms() - start_ms;
+}
+
+static void run_output(struct workspace *ws, const struct frame *f, const int tile[4], const struct strip_planes *planes)
+{
+	struct pass pass = { .name = "output", .program = f->output, .threads = { tile[2], tile[3], 1 } };
+	memcpy(pass.tile, tile, sizeof pass.tile);
+	memcpy(pass.white, f->white, sizeof pass.white);
+	for (int i = 0; i < 3; i++)
+		pass.planes[i] = planes->pixel[i + 1] ? (int)(planes->offset[i + 1] / 4) : -1;
+	pass.storage[BIND_RADIANCE] = ws->radiance.id;
+	pass.storage[BIND_INSCATTER] = ws->inscatter.id;
+	pass.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
+	pass.storage[BIND_OUTPUT] = ws->output.id;
+	pass.storage[BIND_COUNTERS] = ws->counters.id;
+	passes_run(ws->passes, &pass);
+}
+
+static bool reserve(struct workspace *ws, const struct frame *f, int pixels, const struct strip_planes *planes,
+	struct error *err)
+{
+	const size_t size = (size_t)pixels * CHANNELS * sizeof(float);
+	const int layers = f->plan.features & FEATURE_LAYERS, disk = f->plan.features & FEATURE_SUN_DISK;
+	return workspace_reserve(&ws->rays, size, false, err) && workspace_reserve(&ws->radiance, size, false, err) &&
+	       workspace_reserve(&ws->output, planes->size, true, err) &&
+	       (!layers || workspace_reserve(&ws->inscatter, size, false, err)) &&
+	       (!(layers || disk) || workspace_reserve(&ws->transmittance, size, false, err));
+}
+
+static bool strip_step(struct workspace *ws, struct frame *f, double start_ms, struct error *err)
+{
+	int tile[4];
+	strips_next(&f->strips, frame_afford(ws, f, f->scene.n_batches, start_ms), tile);
+	const int pixels = tile[2] * tile[3];
+	const struct welkin_image_layout layout = welkin_image_layout(&f->job.request.image);
+	const struct strip_planes planes = lay_out(&layout, f->scene.frame.output_format, pixels);
+	if (!reserve(ws, f, pixels, &planes, err)) {
+		frame_finish(f, WELKIN_FAILED, err->text);
+		return true;
+	}
+	uint32_t *nonfinite = ws->counters.data;
+	*nonfinite = 0;
+	run_sky(ws, f, "sky", tile, ws->radiance.id);
+	run_disk(ws, f, tile);
+	run_output(ws, f, tile, &planes);
+	if (!frame_settle(ws, f, pixels, f->scene.n_batches, err))
+		return false;
+	f->result.nonfinite += *nonfinite;
+	read_back(ws, f, &layout, &planes, tile);
+	if (strips_done(&f->strips))
+		frame_finish(f, WELKIN_DONE, NULL);
+	return true;
+}
+
+bool image_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err)
+{
+	return frame->stage == FRAME_METER ? meter_step(ws, frame, start_ms, err) : strip_step(ws, frame, start_ms, err);
+}

@@ -1,0 +1,186 @@
+#include "gpu/passes.h"
+
+#include "gpu/clock.h"
+#include "gpu/device.h"
+
+#include <epoxy/gl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/*
+ * Timing: a timestamp before the first pass of a slice and one after each, so n passes cost n + 1
+ * queries. (GL_TIME_ELAPSED reads 0 around a dispatch on llvmpipe and can't nest.)
+ */
+
+enum { SLICE_PASSES = 128 };
+
+/* Offsets of the blocks in the uniform buffer: 256 is the largest alignment any driver asks for. */
+enum { BLOCK_STRIDE = 256, OFFSET_FRAME = 0, OFFSET_MEDIA = 256, OFFSET_BANDS = 512 };
+enum { BLOCKS_BYTES = OFFSET_BANDS + SCENE_MAX_BATCHES * BLOCK_STRIDE };
+
+_Static_assert(sizeof(struct FrameBlock) <= BLOCK_STRIDE, "FrameBlock outgrew its slot");
+_Static_assert(sizeof(struct MediaBlock) <= BLOCK_STRIDE, "MediaBlock outgrew its slot");
+_Static_assert(sizeof(struct BandsBlock) <= BLOCK_STRIDE, "BandsBlock outgrew its slot");
+
+struct passes {
+	bool synchronous;
+	unsigned blocks, nodes; /* buffers */
+	int n_nodes;
+	float (*node_copy)[2]; /* what the device has, to leave out uploads of the same */
+	int n;                 /* passes in this slice */
+	unsigned queries[SLICE_PASSES + 1];
+	const char *names[SLICE_PASSES];
+	double clock_ms[SLICE_PASSES]; /* wall time of each dispatch call */
+};
+
+struct passes *passes_create(bool synchronous, struct error *err)
+{
+	struct passes *p = calloc(1, sizeof *p);
+	if (!p || !(p->node_copy = calloc(SCENE_MAX_NODES, sizeof *p->node_copy))) {
+		free(p);
+		error_set(err, "out of memory");
+		return NULL;
+	}
+	p->synchronous = synchronous;
+	glCreateBuffers(1, &p->blocks);
+	glNamedBufferStorage(p->blocks, BLOCKS_BYTES, NULL, GL_DYNAMIC_STORAGE_BIT);
+	glCreateBuffers(1, &p->nodes);
+	glNamedBufferStorage(p->nodes, SCENE_MAX_NODES * sizeof *p->node_copy, NULL, GL_DYNAMIC_STORAGE_BIT);
+	glCreateQueries(GL_TIMESTAMP, SLICE_PASSES + 1, p->queries);
+	return p;
+}
+
+void passes_destroy(struct passes *passes)
+{
+	if (!passes)
+		return;
+	glDeleteQueries(SLICE_PASSES + 1, passes->queries);
+	glDeleteBuffers(1, &passes->blocks);
+	glDeleteBuffers(1, &passes->nodes);
+	free(passes->node_copy);
+	free(passes);
+}
+
+void passes_blocks(struct passes *passes, const struct scene *scene)
+{
+	unsigned char bytes[BLOCKS_BYTES];
+	memcpy(bytes + OFFSET_FRAME, &scene->frame, sizeof scene->frame);
+	memcpy(bytes + OFFSET_MEDIA, &scene->media, sizeof scene->media);
+	for (int i = 0; i < scene->n_batches; i++)
+		memcpy(bytes + OFFSET_BANDS + i * BLOCK_STRIDE, &scene->batches[i], sizeof scene->batches[i]);
+	glNamedBufferSubData(passes->blocks, 0, OFFSET_BANDS + scene->n_batches * BLOCK_STRIDE, bytes);
+	const size_t size = (size_t)scene->n_nodes * sizeof scene->nodes[0];
+	if (scene->n_nodes == passes->n_nodes && memcmp(passes->node_copy, scene->nodes, size) == 0)
+		return;
+	memcpy(passes->node_copy, scene->nodes, size);
+	passes->n_nodes = scene->n_nodes;
+	glNamedBufferSubData(passes->nodes, 0, (GLsizeiptr)size, scene->nodes);
+}
+
+void passes_texture(struct passes *passes, unsigned unit, unsigned texture)
+{
+	(void)passes;
+	glBindTextureUnit(unit, texture);
+}
+
+static void bind(const struct passes *passes, const struct pass *pass)
+{
+	const GLuint uniform[3] = { passes->blocks, passes->blocks, passes->blocks };
+	const GLintptr offsets[3] = { OFFSET_FRAME, OFFSET_MEDIA, OFFSET_BANDS + pass->batch * BLOCK_STRIDE };
+	const GLsizeiptr sizes[3] = { sizeof(struct FrameBlock), sizeof(struct MediaBlock), sizeof(struct BandsBlock) };
+	glBindBuffersRange(GL_UNIFORM_BUFFER, BIND_FRAME, 3, uniform, offsets, sizes);
+	GLuint storage[PASS_STORAGE];
+	memcpy(storage, pass->storage, sizeof storage);
+	storage[BIND_NODES] = passes->nodes;
+	glBindBuffersBase(GL_SHADER_STORAGE_BUFFER, 0, PASS_STORAGE, storage);
+	if (pass->image)
+		glBindImageTexture(0, pass->image, 0, GL_TRUE, 0, GL_WRITE_ONLY, pass->image_format);
+	const GLuint id = pass->program->id;
+	glUseProgram(id);
+	if (pass->program->has_tile)
+		glUniform4iv(LOCATION_TILE, 1, pass->tile);
+	if (pass->program->has_batch)
+		glUniform1i(LOCATION_BATCH, pass->batch);
+	if (pass->program->has_iteration)
+		glUniform1i(LOCATION_ITERATION, pass->iteration);
+	if (pass->program->has_planes)
+		glUniform4iv(LOCATION_PLANES, 1, pass->planes);
+	if (pass->program->has_white)
+		glUniform4fv(LOCATION_WHITE, 1, pass->white);
+	if (pass->program->has_box)
+		glUniform4iv(LOCATION_BOX, 1, pass->box);
+}
+
+static GLuint groups(const struct pass *pass, int axis)
+{
+	const int threads = pass->threads[axis] < 1 ? 1 : pass->threads[axis], size = pass->program->group[axis];
+	return (GLuint)((threads + size - 1) / size);
+}
+
+void passes_run(struct passes *passes, const struct pass *pass)
+{
+	bind(passes, pass);
+	const int i = passes->n;
+	const bool timed = i < SLICE_PASSES;
+	if (i == 0)
+		glQueryCounter(passes->queries[0], GL_TIMESTAMP);
+	const double start = clock_ms();
+	glDispatchCompute(groups(pass, 0), groups(pass, 1), groups(pass, 2));
+	/* Whatever the pass wrote, the next may read as buffer, image or texture, and we through a mapping. */
+	glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_TEXTURE_FETCH_BARRIER_BIT |
+			GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT);
+	if (!timed)
+		return;
+	passes->clock_ms[i] = clock_ms() - start;
+	passes->names[i] = pass->name;
+	glQueryCounter(passes->queries[++passes->n], GL_TIMESTAMP);
+}
+
+void pass_log_add(struct pass_log *log, const char *name, double ms)
+{
+	if (!(ms > 0))
+		ms = 1e-6; /* the clock's grain: nothing that ran took no time */
+	for (int i = 0; i < log->n; i++)
+		if (strcmp(log->times[i].name, name) == 0) {
+			log->times[i].ms += ms;
+			return;
+		}
+	if (log->n == WELKIN_MAX_PASSES)
+		return;
+	snprintf(log->times[log->n].name, sizeof log->times[0].name, "%s", name);
+	log->times[log->n++].ms = ms;
+}
+
+/* Sleeps in the driver until the device is done. */
+static bool wait_for_device(void)
+{
+	const GLsync fence = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+	GLenum status = GL_TIMEOUT_EXPIRED;
+	while (fence && status == GL_TIMEOUT_EXPIRED)
+		status = glClientWaitSync(fence, GL_SYNC_FLUSH_COMMANDS_BIT, 100 * 1000 * 1000);
+	glDeleteSync(fence);
+	return status == GL_ALREADY_SIGNALED || status == GL_CONDITION_SATISFIED;
+}
+
+bool passes_finish(struct passes *passes, struct pass_log *log, struct error *err)
+{
+	if (passes->n == 0)
+		return true;
+	const bool waited = wait_for_device();
+	GLuint64 before = 0, after = 0;
+	glGetQueryObjectui64v(passes->queries[0], GL_QUERY_RESULT, &before);
+	for (int i = 0; i < passes->n; i++, before = after) {
+		glGetQueryObjectui64v(passes->queries[i + 1], GL_QUERY_RESULT, &after);
+		double ms = (double)(after - before) * 1e-6;
+		if (after <= before)
+			ms = passes->clock_ms[i];
+		if (log)
+			pass_log_add(log, passes->names[i], ms);
+	}
+	passes->n = 0;
+	const char *trouble = device_trouble();
+	if (trouble || !waited)
+		return error_set(err, "the context failed: %s", trouble ? trouble : "waiting for the device");
+	return true;
+}

@@ -1,0 +1,61 @@
+#ifndef WELKIN_GPU_PASSES_H
+#define WELKIN_GPU_PASSES_H
+
+#include "api/error.h"
+#include "gpu/job.h"
+#include "gpu/program.h"
+#include "gpu/scene.h"
+
+/*
+ * The one place that binds, dispatches, times and issues barriers. A slice of work is
+ *
+ *     passes_run(…) × n; passes_finish(…);
+ *
+ * where passes_finish waits for the device, once, and adds the passes' times to a log. Passes of
+ * a slice run one after the other and each sees what those before it wrote.
+ */
+struct passes;
+
+/* Time per pass name, added up over the slices of one frame. Zero it first. */
+struct pass_log {
+	int n;
+	struct welkin_pass_time times[WELKIN_MAX_PASSES];
+};
+
+enum { PASS_STORAGE = 7 };
+
+struct pass {
+	const char *name; /* as it is logged: a string that lives until passes_finish */
+	const struct program *program;
+	unsigned storage[PASS_STORAGE]; /* buffer by BIND_… of shared.h; 0: none */
+	int tile[4];                    /* LOCATION_TILE */
+	int batch;                      /* LOCATION_BATCH, and which BandsBlock is bound */
+	int iteration;                  /* LOCATION_ITERATION */
+	int planes[4];                  /* LOCATION_PLANES */
+	float white[4];                 /* LOCATION_WHITE */
+	int box[4];                     /* LOCATION_BOX */
+	unsigned image, image_format;   /* image unit 0, write only; 0: none */
+	int threads[3];                 /* at least so many invocations; 0 counts as 1 */
+};
+
+/* NULL with the reason. synchronous: dispatches return when done (llvmpipe), so that the clock can
+ * stand in for timestamps that say 0. */
+struct passes *passes_create(bool synchronous, struct error *err);
+void passes_destroy(struct passes *passes);
+
+/* Copies the scene's blocks and nodes to the device, for the passes that follow. */
+void passes_blocks(struct passes *passes, const struct scene *scene);
+
+/* Binds a 2-D or 3-D texture to a unit for the passes that follow. */
+void passes_texture(struct passes *passes, unsigned unit, unsigned texture);
+
+void passes_run(struct passes *passes, const struct pass *pass);
+
+/* Waits for the passes run since the last call and adds their times to log (may be NULL). Returns
+ * false when the context is lost or a GL error was found; the process is then of no more use. */
+bool passes_finish(struct passes *passes, struct pass_log *log, struct error *err);
+
+/* Adds ms (made > 0) to the time of that name. */
+void pass_log_add(struct pass_log *log, const char *name, double ms);
+
+#endif

@@ -1,0 +1,219 @@
+#include "gpu/program.h"
+
+#include "api/embed.h"
+#include "shaders/shared.h"
+
+#include <epoxy/gl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { PROGRAMS_MAX = 128, FILES_MAX = 32, DEPTH_MAX = 8 };
+
+struct programs {
+	char dir[512];
+	int n;
+	struct program list[PROGRAMS_MAX];
+};
+
+/* A kernel being put together. GLSL's #line takes only a number for the file, so the names are
+ * kept here and put into the driver's messages afterwards. */
+struct assembly {
+	const char *dir;
+	FILE *out;
+	int n_files;
+	char files[FILES_MAX][64];
+};
+
+static char *read_text(const char *dir, const char *name, struct error *err)
+{
+	if (dir[0] == '\0') {
+		for (const struct embedded_file *f = welkin_embedded_shaders; f->name; f++)
+			if (strcmp(f->name, name) == 0)
+				return strdup((const char *)f->data);
+		error_set(err, "there is no shader %s", name);
+		return NULL;
+	}
+	char path[640];
+	snprintf(path, sizeof path, "%s/%s", dir, name);
+	FILE *file = fopen(path, "rb");
+	char *text = NULL, *buffer = NULL;
+	size_t size = 0;
+	if (!file) {
+		error_set(err, "can't read shader %s", path);
+		return NULL;
+	}
+	FILE *memory = open_memstream(&buffer, &size);
+	if (memory) {
+		char block[4096];
+		for (size_t n; (n = fread(block, 1, sizeof block, file)) > 0;)
+			fwrite(block, 1, n, memory);
+		if (fclose(memory) == 0 && !ferror(file))
+			text = buffer;
+	}
+	if (!text) {
+		error_set(err, "can't read shader %s", path);
+		free(buffer);
+	}
+	fclose(file);
+	return text;
+}
+
+/* The name in `#include "name"`, or false when the line is not one. */
+static bool include_name(const char *line, char name[64])
+{
+	int end = 0;
+	return sscanf(line, " # include \"%63[^\"]\"%n", name, &end) == 1 && end > 0;
+}
+
+static bool append_file(struct assembly *a, const char *name, int depth, struct error *err)
+{
+	for (int i = 0; i < a->n_files; i++)
+		if (strcmp(a->files[i], name) == 0)
+			return true;
+	if (a->n_files == FILES_MAX || depth > DEPTH_MAX)
+		return error_set(err, "%s: too many includes", name);
+	const int number = a->n_files++;
+	snprintf(a->files[number], sizeof a->files[number], "%s", name);
+	char *text = read_text(a->dir, name, err);
+	if (!text)
+		return false;
+	bool ok = true;
+	int line_number = 1;
+	fprintf(a->out, "#line 1 %d\n", number);
+	for (char *line = text, *next; ok && *line; line = next, line_number++) {
+		const size_t length = strcspn(line, "\n");
+		next = line + length + (line[length] == '\n');
+		char included[64];
+		if (include_name(line, included)) {
+			ok = append_file(a, included, depth + 1, err);
+			fprintf(a->out, "#line %d %d\n", line_number + 1, number);
+		} else {
+			fprintf(a->out, "%.*s\n", (int)length, line);
+		}
+	}
+	free(text);
+	return ok;
+}
+
+/* "A=1 B=2" as #define lines. */
+static void define_choices(FILE *out, const char *choices)
+{
+	for (const char *p = choices; *p; p += strspn(p, " ")) {
+		const int name = (int)strcspn(p, "= "), length = (int)strcspn(p, " ");
+		fprintf(out, "#define %.*s %.*s\n", name, p, length - name - 1, p + name + 1);
+		p += length;
+	}
+}
+
+static char *assemble(struct assembly *a, const char *name, const char *choices, struct error *err)
+{
+	char *source = NULL;
+	size_t size = 0;
+	a->out = open_memstream(&source, &size);
+	if (!a->out) {
+		error_set(err, "out of memory");
+		return NULL;
+	}
+	fputs("#version 450 core\n#define WELKIN_GLSL 1\n", a->out);
+	define_choices(a->out, choices);
+	const bool ok = append_file(a, name, 0, err);
+	if (fclose(a->out) == 0 && ok)
+		return source;
+	free(source);
+	return NULL;
+}
+
+char *programs_source(const char *shader_dir, const char *name, const char *choices, struct error *err)
+{
+	struct assembly a = { .dir = shader_dir };
+	return assemble(&a, name, choices, err);
+}
+
+/* Drivers write "3:12(5): error: …" or "3(12) : error …"; we say "sky.glsl:12(5): …". */
+static void explain(const struct assembly *a, const char *name, const char *log, struct error *err)
+{
+	char *end;
+	const long number = strtol(log, &end, 10);
+	if (end != log && number >= 0 && number < a->n_files && (*end == ':' || *end == '('))
+		error_set(err, "shader %s: %s%s", name, a->files[number], end);
+	else
+		error_set(err, "shader %s: %s", name, log);
+}
+
+static unsigned build(const char *dir, const char *name, const char *choices, struct error *err)
+{
+	struct assembly a = { .dir = dir };
+	char *source = assemble(&a, name, choices, err);
+	if (!source)
+		return 0;
+	char log[900] = "";
+	GLint ok = 0;
+	unsigned id = 0;
+	const unsigned shader = glCreateShader(GL_COMPUTE_SHADER);
+	glShaderSource(shader, 1, &(const char *){ source }, NULL);
+	glCompileShader(shader);
+	glGetShaderiv(shader, GL_COMPILE_STATUS, &ok);
+	if (ok) {
+		id = glCreateProgram();
+		glAttachShader(id, shader);
+		glLinkProgram(id);
+		glGetProgramiv(id, GL_LINK_STATUS, &ok);
+		if (!ok)
+			glGetProgramInfoLog(id, sizeof log, NULL, log);
+	} else {
+		glGetShaderInfoLog(shader, sizeof log, NULL, log);
+	}
+	if (!ok) {
+		explain(&a, name, log, err);
+		glDeleteProgram(id);
+		id = 0;
+	}
+	glDeleteShader(shader);
+	free(source);
+	return id;
+}
+
+struct programs *programs_create(const char *shader_dir)
+{
+	struct programs *p = calloc(1, sizeof *p);
+	if (p)
+		snprintf(p->dir, sizeof p->dir, "%s", shader_dir);
+	return p;
+}
+
+void programs_destroy(struct programs *programs)
+{
+	if (!programs)
+		return;
+	for (int i = 0; i < programs->n; i++)
+		glDeleteProgram(programs->list[i].id);
+	free(programs);
+}
+
+const struct program *programs_get(struct programs *programs, const char *name, const char *choices, struct error *err)
+{
+	char full[64];
+	snprintf(full, sizeof full, "%s%s%s", name, *choices ? " " : "", choices);
+	for (int i = 0; i < programs->n; i++)
+		if (strcmp(programs->list[i].name, full) == 0)
+			return &programs->list[i];
+	if (programs->n == PROGRAMS_MAX) {
+		error_set(err, "more than %d programs", PROGRAMS_MAX);
+		return NULL;
+	}
+	const unsigned id = build(programs->dir, name, choices, err);
+	if (!id)
+		return NULL;
+	struct program *p = &programs->list[programs->n++];
+	snprintf(p->name, sizeof p->name, "%s", full);
+	p->id = id;
+	glGetProgramiv(id, GL_COMPUTE_WORK_GROUP_SIZE, p->group);
+	p->has_tile = glGetUniformLocation(id, "tile") == LOCATION_TILE;
+	p->has_batch = glGetUniformLocation(id, "batch") == LOCATION_BATCH;
+	p->has_iteration = glGetUniformLocation(id, "iteration") == LOCATION_ITERATION;
+	p->has_planes = glGetUniformLocation(id, "planes") == LOCATION_PLANES;
+	p->has_white = glGetUniformLocation(id, "white") == LOCATION_WHITE;
+	p->has_box = glGetUniformLocation(id, "box") == LOCATION_BOX;
+	return p;
+}

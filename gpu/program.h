@@ -1,0 +1,31 @@
+#ifndef WELKIN_GPU_PROGRAM_H
+#define WELKIN_GPU_PROGRAM_H
+
+#include "api/error.h"
+
+/* Compute programs by the name of their file below shaders/ ("methods/march.comp"), compiled on
+ * first use and kept until destroyed. */
+struct programs;
+
+/* shader_dir: where to read the files from, "" for those embedded in the binary. NULL: no memory. */
+struct programs *programs_create(const char *shader_dir);
+void programs_destroy(struct programs *programs);
+
+struct program {
+	char name[64];    /* with its choices */
+	unsigned id;
+	int group[3]; /* local size */
+	bool has_tile, has_batch, has_iteration, has_planes, has_white, has_box; /* which plain uniforms of shared.h it uses */
+};
+
+/* choices: macros that fix what is otherwise read from a block, "PROJECTION=1 TONE=0"; "" for none.
+ * llvmpipe runs both sides of every branch, so a branch that could have been decided here costs as
+ * much as if it were taken. NULL with file and line of the first fault in err. The pointer is good
+ * until programs_destroy. */
+const struct program *programs_get(struct programs *programs, const char *name, const char *choices, struct error *err);
+
+/* The full text of a kernel with its #include lines resolved (each file once), malloc'd; NULL
+ * with the reason. */
+char *programs_source(const char *shader_dir, const char *name, const char *choices, struct error *err);
+
+#endif

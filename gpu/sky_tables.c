@@ -1,0 +1,58 @@
+#include "gpu/sky_tables.h"
+
+#include <epoxy/gl.h>
+#include <string.h>
+
+/* What columns depend on. */
+struct profile_key {
+	float planet_radius, top, rayleigh_scale_height, aerosol_scale_height, ozone_center, ozone_half_width;
+};
+
+static struct profile_key profile_key(const struct MediaBlock *media)
+{
+	return (struct profile_key){ media->planet_radius, media->top, media->rayleigh_scale_height,
+		media->aerosol_scale_height, media->ozone_center, media->ozone_half_width };
+}
+
+enum table_state need_optical_depth(struct frame_tables *tables, const struct scene *scene, struct error *err)
+{
+	static const struct table_desc optical_depth = {
+		.name = "optical_depth",
+		.width = 256,
+		.height = 128,
+		.internal_format = GL_RGBA32F,
+		.unit = UNIT_OPTICAL_DEPTH,
+	};
+	const struct profile_key key = profile_key(&scene->media);
+	return tables_need(tables, &optical_depth, &key, sizeof key, 0, err);
+}
+
+enum table_state need_multiple(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)
+{
+	enum { SUNS = 64, ALTITUDES = 32, LAYERS = 7 };
+	static const struct table_desc multiple = {
+		.name = "multiple",
+		.width = SUNS,
+		.height = ALTITUDES * LAYERS,
+		.internal_format = GL_RGBA32F,
+		.unit = UNIT_MULTIPLE,
+		.iterations = 8,
+		.feedback = 1,
+		.threads = { SUNS, ALTITUDES, 1 },
+	};
+	const enum table_state state = need_optical_depth(tables, scene, err);
+	if (state != TABLE_READY)
+		return state;
+	const struct BandsBlock *bands = &scene->batches[batch];
+	struct {
+		struct profile_key profile;
+		vec4 moments, rayleigh, aerosol_scattering, aerosol_scaled_extinction, ozone, ground_albedo;
+	} key = { .profile = profile_key(&scene->media) };
+	memcpy(key.moments, scene->media.aerosol_moments, sizeof key.moments);
+	memcpy(key.rayleigh, bands->rayleigh, sizeof key.rayleigh);
+	memcpy(key.aerosol_scattering, bands->aerosol_scattering, sizeof key.aerosol_scattering);
+	memcpy(key.aerosol_scaled_extinction, bands->aerosol_scaled_extinction, sizeof key.aerosol_scaled_extinction);
+	memcpy(key.ozone, bands->ozone, sizeof key.ozone);
+	memcpy(key.ground_albedo, bands->ground_albedo, sizeof key.ground_albedo);
+	return tables_need(tables, &multiple, &key, sizeof key, batch, err);
+}

@@ -1,0 +1,15 @@
+#ifndef WELKIN_GPU_SKY_TABLES_H
+#define WELKIN_GPU_SKY_TABLES_H
+
+#include "gpu/tables.h"
+
+/* The tables that more than one sky method reads. Each makes sure of those it is made from. Their
+ * keys hold exactly what they depend on. */
+
+/* Columns of each medium to the top: by planet and profiles only. UNIT_OPTICAL_DEPTH. */
+enum table_state need_optical_depth(struct frame_tables *tables, const struct scene *scene, struct error *err);
+
+/* Light that has been scattered before: by planet, profiles, and the coefficients of the batch. UNIT_MULTIPLE. */
+enum table_state need_multiple(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
+
+#endif

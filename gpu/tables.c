@@ -1,0 +1,247 @@
+#include "gpu/tables.h"
+
+#include <epoxy/gl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { TABLES_MAX = 256, KEY_MAX = 1024 };
+
+struct table {
+	unsigned texture; /* 0: the slot is free */
+	unsigned previous; /* iterated: where the last run's result is while building; 0 otherwise */
+	int runs;          /* of the kernel so far */
+	const struct table_desc *desc;
+	char pass[32];
+	unsigned char key[KEY_MAX];
+	size_t key_size;
+	double bytes;
+	uint64_t used; /* when, in needs */
+};
+
+struct frame_tables {
+	struct passes *passes;
+	struct programs *programs;
+	double budget_bytes;
+	uint64_t clock;    /* counts needs */
+	uint64_t pinned;   /* tables used since then are in use by the slice in hand */
+	struct table list[TABLES_MAX];
+	struct tables_report report;
+};
+
+struct frame_tables *tables_create(struct passes *passes, struct programs *programs, double budget_mib)
+{
+	struct frame_tables *t = calloc(1, sizeof *t);
+	if (!t)
+		return NULL;
+	t->passes = passes;
+	t->programs = programs;
+	t->budget_bytes = budget_mib * 1048576;
+	return t;
+}
+
+static void forget(struct table *table)
+{
+	if (table->texture)
+		glDeleteTextures(1, &table->texture);
+	if (table->previous)
+		glDeleteTextures(1, &table->previous);
+	memset(table, 0, sizeof *table);
+}
+
+void tables_destroy(struct frame_tables *tables)
+{
+	if (!tables)
+		return;
+	for (int i = 0; i < TABLES_MAX; i++)
+		forget(&tables->list[i]);
+	free(tables);
+}
+
+void tables_begin_slice(struct frame_tables *tables)
+{
+	tables->pinned = tables->clock + 1;
+	tables->report.n = 0;
+}
+
+const struct tables_report *tables_report(const struct frame_tables *tables)
+{
+	return &tables->report;
+}
+
+double tables_bytes(const struct frame_tables *tables)
+{
+	double sum = 0;
+	for (int i = 0; i < TABLES_MAX; i++)
+		sum += tables->list[i].bytes;
+	return sum;
+}
+
+static double texel_bytes(unsigned format)
+{
+	switch (format) {
+	case GL_RGBA32F:
+		return 16;
+	case GL_RGBA16F:
+	case GL_RG32F:
+	case GL_RGBA16:
+		return 8;
+	case GL_RG16F:
+	case GL_R32F:
+	case GL_RGBA8:
+	case GL_R11F_G11F_B10F:
+		return 4;
+	case GL_R16F:
+	case GL_RG8:
+		return 2;
+	case GL_R8:
+		return 1;
+	default:
+		return 16;
+	}
+}
+
+static double desc_bytes(const struct table_desc *desc)
+{
+	return (double)desc->width * desc->height * (desc->depth > 0 ? desc->depth : 1) *
+	       texel_bytes(desc->internal_format);
+}
+
+static struct table *find(struct frame_tables *tables, const struct table_desc *desc, const void *key, size_t key_size)
+{
+	for (int i = 0; i < TABLES_MAX; i++) {
+		struct table *t = &tables->list[i];
+		if (t->texture && t->desc == desc && t->key_size == key_size && memcmp(t->key, key, key_size) == 0)
+			return t;
+	}
+	return NULL;
+}
+
+/* A free slot, after letting go of the tables that were used longest ago, down to what leaves room
+ * for `bytes`. Tables of the slice in hand stay, whatever the budget: it is what may be kept. */
+static struct table *make_room(struct frame_tables *tables, double bytes)
+{
+	for (;;) {
+		struct table *oldest = NULL, *slot = NULL;
+		for (int i = 0; i < TABLES_MAX; i++) {
+			struct table *t = &tables->list[i];
+			if (!t->texture)
+				slot = t;
+			else if (t->used < tables->pinned && (!oldest || t->used < oldest->used))
+				oldest = t;
+		}
+		if ((slot && tables_bytes(tables) + bytes <= tables->budget_bytes) || !oldest)
+			return slot;
+		forget(oldest);
+	}
+}
+
+static unsigned create_texture(const struct table_desc *desc)
+{
+	unsigned texture;
+	const bool flat = desc->depth == 0;
+	glCreateTextures(flat ? GL_TEXTURE_2D : GL_TEXTURE_3D, 1, &texture);
+	if (flat)
+		glTextureStorage2D(texture, 1, desc->internal_format, desc->width, desc->height);
+	else
+		glTextureStorage3D(texture, 1, desc->internal_format, desc->width, desc->height, desc->depth);
+	glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+	glTextureParameteri(texture, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+	glTextureParameteri(texture, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+	glTextureParameteri(texture, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+	glTextureParameteri(texture, GL_TEXTURE_WRAP_R, GL_CLAMP_TO_EDGE);
+	return texture;
+}
+
+static int runs_needed(const struct table_desc *desc)
+{
+	return desc->iterations > 1 ? desc->iterations : 1;
+}
+
+static struct table *add(struct frame_tables *tables, const struct table_desc *desc, const void *key,
+	size_t key_size, struct error *err)
+{
+	struct table *t = make_room(tables, desc_bytes(desc));
+	if (!t) {
+		error_set(err, "more than %d tables in use at once", TABLES_MAX);
+		return NULL;
+	}
+	t->texture = create_texture(desc);
+	t->previous = desc->feedback ? create_texture(desc) : 0;
+	t->desc = desc;
+	t->bytes = desc_bytes(desc);
+	t->key_size = key_size;
+	memcpy(t->key, key, key_size);
+	snprintf(t->pass, sizeof t->pass, "table-%s", desc->name);
+	return t;
+}
+
+/* One run of the table's kernel. */
+static bool run(struct frame_tables *tables, struct table *t, int batch, struct error *err)
+{
+	const struct table_desc *desc = t->desc;
+	char file[64];
+	snprintf(file, sizeof file, "tables/%s.comp", desc->name);
+	const struct program *program = programs_get(tables->programs, file, "", err);
+	if (!program)
+		return false;
+	if (t->previous) {
+		const unsigned last = t->texture;
+		t->texture = t->previous;
+		t->previous = last;
+		passes_texture(tables->passes, (unsigned)desc->unit, last);
+	}
+	struct pass pass = { .name = t->pass,
+		.program = program,
+		.image = t->texture,
+		.image_format = desc->internal_format,
+		.batch = batch,
+		.iteration = t->runs,
+		.threads = { desc->width, desc->height, desc->depth } };
+	if (desc->threads[0] > 0)
+		memcpy(pass.threads, desc->threads, sizeof pass.threads);
+	passes_run(tables->passes, &pass);
+	t->runs++;
+	return true;
+}
+
+static void report(struct frame_tables *tables, const struct table *t, bool built)
+{
+	struct tables_report *list = &tables->report;
+	for (int i = 0; i < list->n; i++)
+		if (strcmp(list->entries[i].pass, t->pass) == 0) {
+			list->entries[i].built |= built;
+			return;
+		}
+	if (list->n == TABLES_REPORT_MAX)
+		return;
+	snprintf(list->entries[list->n].pass, sizeof t->pass, "%s", t->pass);
+	list->entries[list->n++].built = built;
+}
+
+enum table_state tables_need(struct frame_tables *tables, const struct table_desc *desc, const void *key,
+	size_t key_size, int batch, struct error *err)
+{
+	if (key_size > KEY_MAX) {
+		error_set(err, "table %s: key of %zu bytes", desc->name, key_size);
+		return TABLE_FAILED;
+	}
+	struct table *t = find(tables, desc, key, key_size);
+	if (!t && !(t = add(tables, desc, key, key_size, err)))
+		return TABLE_FAILED;
+	t->used = ++tables->clock;
+	const bool building = t->runs < runs_needed(desc);
+	if (building && !run(tables, t, batch, err)) {
+		forget(t);
+		return TABLE_FAILED;
+	}
+	report(tables, t, building);
+	if (building && desc->iterations > 1)
+		return TABLE_BUILDING;
+	if (t->previous) {
+		glDeleteTextures(1, &t->previous);
+		t->previous = 0;
+	}
+	passes_texture(tables->passes, (unsigned)desc->unit, t->texture);
+	return TABLE_READY;
+}

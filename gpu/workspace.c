@@ -1,0 +1,97 @@
+#include "gpu/workspace.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <string.h>
+
+enum { STRIP_PIXELS_SOFTWARE = 1 << 17, STRIP_PIXELS_HARDWARE = 1 << 20 };
+
+bool workspace_init(struct workspace *ws, const struct device *device, const char *shader_dir, double slice_ms,
+	double table_budget_mib, struct error *err)
+{
+	memset(ws, 0, sizeof *ws);
+	ws->device = device;
+	ws->slice_ms = slice_ms > 0 ? slice_ms : 10;
+	ws->strip_pixels = device->info.software ? STRIP_PIXELS_SOFTWARE : STRIP_PIXELS_HARDWARE;
+	if (!(ws->programs = programs_create(shader_dir)))
+		return error_set(err, "out of memory");
+	if (!(ws->passes = passes_create(device->info.software, err)))
+		return false;
+	if (!(ws->tables = tables_create(ws->passes, ws->programs, table_budget_mib)))
+		return error_set(err, "out of memory");
+	return workspace_reserve(&ws->counters, 256, true, err);
+}
+
+static void release(struct buffer *buffer)
+{
+	if (buffer->id)
+		glDeleteBuffers(1, &buffer->id); /* unmaps as well */
+	memset(buffer, 0, sizeof *buffer);
+}
+
+void workspace_finish(struct workspace *ws)
+{
+	struct buffer *buffers[] = { &ws->rays, &ws->radiance, &ws->inscatter, &ws->transmittance, &ws->output, &ws->counters,
+		&ws->meter, &ws->directions, &ws->spectral_L, &ws->spectral_T };
+	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
+		release(buffers[i]);
+	tables_destroy(ws->tables);
+	passes_destroy(ws->passes);
+	programs_destroy(ws->programs);
+	memset(ws, 0, sizeof *ws);
+}
+
+bool workspace_reserve(struct buffer *buffer, size_t size, bool mapped, struct error *err)
+{
+	if (buffer->size >= size)
+		return true;
+	release(buffer);
+	size_t rounded = 4096;
+	while (rounded < size)
+		rounded *= 2;
+	const GLbitfield map = GL_MAP_READ_BIT | GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
+	glCreateBuffers(1, &buffer->id);
+	glNamedBufferStorage(buffer->id, (GLsizeiptr)rounded, NULL,
+		mapped ? map | GL_CLIENT_STORAGE_BIT : GL_DYNAMIC_STORAGE_BIT);
+	if (mapped)
+		buffer->data = glMapNamedBufferRange(buffer->id, 0, (GLsizeiptr)rounded, map);
+	if (glGetError() != GL_NO_ERROR || (mapped && !buffer->data)) {
+		release(buffer);
+		return error_set(err, "no device memory for a buffer of %zu bytes", rounded);
+	}
+	buffer->size = rounded;
+	return true;
+}
+
+static struct cost *find_cost(struct workspace *ws, int method, int steps, int light_steps)
+{
+	for (int i = 0; i < WORKSPACE_COSTS; i++) {
+		struct cost *c = &ws->costs[i];
+		if (c->ms > 0 && c->method == method && c->steps == steps && c->light_steps == light_steps)
+			return c;
+	}
+	return NULL;
+}
+
+double workspace_cost(struct workspace *ws, int method, int steps, int light_steps)
+{
+	struct cost *c = find_cost(ws, method, steps, light_steps);
+	if (!c)
+		return 0;
+	c->used = ++ws->cost_clock;
+	return c->ms;
+}
+
+void workspace_learn(struct workspace *ws, int method, int steps, int light_steps, double ms_per_pixel, int pixels)
+{
+	struct cost *c = find_cost(ws, method, steps, light_steps);
+	if (c) {
+		c->ms += fmin(0.5, pixels / 8192.0) * (ms_per_pixel - c->ms);
+		return;
+	}
+	c = &ws->costs[0];
+	for (int i = 1; i < WORKSPACE_COSTS; i++)
+		if (ws->costs[i].used < c->used)
+			c = &ws->costs[i];
+	*c = (struct cost){ method, steps, light_steps, ms_per_pixel, ++ws->cost_clock };
+}

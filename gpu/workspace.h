@@ -1,0 +1,63 @@
+#ifndef WELKIN_GPU_WORKSPACE_H
+#define WELKIN_GPU_WORKSPACE_H
+
+#include "api/error.h"
+#include "gpu/device.h"
+#include "gpu/passes.h"
+#include "gpu/program.h"
+#include "gpu/tables.h"
+
+#include <stddef.h>
+
+/*
+ * What all frames of the renderer share. A strip is finished (all batches, output, read-back) before
+ * another frame gets its turn, so one set of strip buffers serves all, and device memory does not
+ * grow with the image.
+ */
+
+/* A device buffer that is mapped for reading all its life where data is not NULL. */
+struct buffer {
+	unsigned id;
+	size_t size;
+	void *data;
+};
+
+/* What a sky kernel was found to cost per pixel and batch, by method and step counts. */
+struct cost {
+	int method, steps, light_steps;
+	double ms; /* 0: the slot is free */
+	unsigned used;
+};
+
+enum { WORKSPACE_COSTS = 64 };
+
+struct workspace {
+	const struct device *device;
+	struct programs *programs;
+	struct passes *passes;
+	struct frame_tables *tables;
+	double slice_ms;
+	int strip_pixels; /* most pixels in a strip */
+	struct buffer rays, radiance, inscatter, transmittance; /* device only */
+	struct buffer output, counters;                   /* mapped */
+	struct buffer meter;                              /* mapped */
+	struct buffer directions, spectral_L, spectral_T; /* photometer; the last two mapped */
+	struct cost costs[WORKSPACE_COSTS];
+	unsigned cost_clock;
+	const void *bound; /* the frame whose blocks are on the device; frames clear it when they go */
+};
+
+bool workspace_init(struct workspace *ws, const struct device *device, const char *shader_dir, double slice_ms,
+	double table_budget_mib, struct error *err);
+/* Takes a zeroed one too. */
+void workspace_finish(struct workspace *ws);
+
+/* Makes the buffer at least that large; its content is lost when it grows. */
+bool workspace_reserve(struct buffer *buffer, size_t size, bool mapped, struct error *err);
+
+/* Estimated device time per pixel and batch; 0 when this setting has not been seen. */
+double workspace_cost(struct workspace *ws, int method, int steps, int light_steps);
+/* pixels: how many the measurement is of; few say little, since a dispatch costs something by itself. */
+void workspace_learn(struct workspace *ws, int method, int steps, int light_steps, double ms_per_pixel, int pixels);
+
+#endif

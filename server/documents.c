@@ -1,0 +1,179 @@
+#include "server/documents.h"
+#include "api/api.h"
+#include "api/text.h"
+#include "gpu/method.h"
+#include "server/version.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void hash_tag(const void *data, size_t size, char tag[33])
+{
+	/* FNV-1a twice with different offsets; a tag, not a defence. */
+	uint64_t a = 14695981039346656037u, b = 1099511628211u;
+	for (size_t i = 0; i < size; i++) {
+		a = (a ^ ((const unsigned char *)data)[i]) * 1099511628211u;
+		b = (b ^ ((const unsigned char *)data)[i]) * 1099511628211u;
+	}
+	snprintf(tag, 33, "%016llx%016llx", (unsigned long long)a, (unsigned long long)b);
+}
+
+static const char *type_of(const char *name)
+{
+	static const struct {
+		const char *suffix, *type;
+	} types[] = { { ".html", "text/html; charset=utf-8" }, { ".css", "text/css; charset=utf-8" },
+		{ ".js", "text/javascript; charset=utf-8" }, { ".json", "application/json" }, { ".svg", "image/svg+xml" },
+		{ ".png", "image/png" }, { ".ico", "image/x-icon" }, { ".txt", "text/plain; charset=utf-8" },
+		{ ".webmanifest", "application/manifest+json" }, { ".woff2", "font/woff2" } };
+	const char *dot = strrchr(name, '.');
+	for (size_t i = 0; dot && i < sizeof types / sizeof *types; i++)
+		if (!strcmp(dot, types[i].suffix))
+			return types[i].type;
+	return "application/octet-stream";
+}
+
+/* ---- /v1/methods ---- */
+
+static const char *const type_names[] = { "number", "integer", "boolean", "enum", "flags", "vector", "triple", "time", "seed" };
+
+static void add_member(struct text *text, const char *name, const char *value)
+{
+	text_printf(text, "\"%s\":", name);
+	text_json_string(text, value ? value : "");
+}
+
+static void add_range(struct text *text, double min, double max)
+{
+	text_puts(text, ",\"min\":");
+	isfinite(min) ? text_number(text, min) : text_puts(text, "null");
+	text_puts(text, ",\"max\":");
+	isfinite(max) ? text_number(text, max) : text_puts(text, "null");
+}
+
+static void add_field(struct text *text, const char *name)
+{
+	const int i = welkin_field_find(name);
+	const struct welkin_field *f = i < 0 ? NULL : &welkin_fields[i];
+	text_puts(text, "{");
+	add_member(text, "name", name);
+	if (f) {
+		text_puts(text, ",");
+		add_member(text, "type", type_names[f->type]);
+		text_puts(text, ",");
+		add_member(text, "unit", f->unit);
+		text_puts(text, ",");
+		add_member(text, "default", f->default_text);
+		text_puts(text, ",");
+		add_member(text, "help", f->help);
+		if (f->names) {
+			text_puts(text, ",\"values\":[");
+			for (int n = 0; f->names[n]; n++) {
+				text_puts(text, n ? "," : "");
+				text_json_string(text, f->names[n]);
+			}
+			text_puts(text, "]");
+		} else if (f->type != WELKIN_TYPE_BOOL && f->type != WELKIN_TYPE_TIME) {
+			add_range(text, f->min, f->max);
+		}
+	}
+	text_puts(text, "}");
+}
+
+static void add_method(struct text *text, const struct method *m)
+{
+	text_puts(text, "{");
+	add_member(text, "name", m->name);
+	text_puts(text, ",");
+	add_member(text, "summary", m->summary);
+	text_puts(text, ",");
+	add_member(text, "source", m->source);
+	text_printf(text, ",\"single_scattering\":%s,\"physical\":%s,\"fields\":[", m->single_scattering ? "true" : "false",
+		m->physical ? "true" : "false");
+	for (int i = 0; m->fields && m->fields[i]; i++) {
+		text_puts(text, i ? "," : "");
+		add_field(text, m->fields[i]);
+	}
+	text_puts(text, "],\"domain\":[");
+	for (const struct method_range *r = m->domain; r && r->field; r++) {
+		text_puts(text, r == m->domain ? "{" : ",{");
+		add_member(text, "field", r->field);
+		add_range(text, r->min, r->max);
+		text_puts(text, ",");
+		add_member(text, "why", r->why);
+		text_puts(text, "}");
+	}
+	text_puts(text, "]}");
+}
+
+static char *methods_json(void)
+{
+	struct text text = { 0 };
+	text_puts(&text, "{\"methods\":[\n");
+	for (int i = 0; i < welkin_method_count; i++) {
+		text_puts(&text, i ? ",\n" : "");
+		add_method(&text, welkin_methods[i]);
+	}
+	text_puts(&text, "\n]}\n");
+	return text_take(&text);
+}
+
+/* ---- all of them ---- */
+
+static bool make(struct document *d, char *json)
+{
+	if (!json)
+		return false;
+	*d = (struct document){ .type = "application/json", .data = json, .size = strlen(json), .owned = json };
+	hash_tag(d->data, d->size, d->tag);
+	return true;
+}
+
+struct documents *documents_create(struct error *err)
+{
+	size_t n = 0;
+	while (welkin_embedded_www[n].name)
+		n++;
+	struct documents *d = calloc(1, sizeof *d);
+	if (d)
+		d->files = calloc(n + 1, sizeof *d->files);
+	if (!d || !d->files || !make(&d->made[DOCUMENT_METHODS], methods_json()) ||
+	    !make(&d->made[DOCUMENT_PRESETS], welkin_presets_json()) ||
+	    !make(&d->made[DOCUMENT_OPENAPI], welkin_openapi_json(build_version))) {
+		documents_destroy(d);
+		error_set(err, "out of memory");
+		return NULL;
+	}
+	for (size_t i = 0; i < n; i++) {
+		const struct embedded_file *f = &welkin_embedded_www[i];
+		d->files[i] = (struct document){ .type = type_of(f->name), .data = f->data, .size = f->size, .page = true };
+		hash_tag(f->data, f->size, d->files[i].tag);
+	}
+	return d;
+}
+
+void documents_destroy(struct documents *documents)
+{
+	if (!documents)
+		return;
+	for (int i = 0; i < DOCUMENT_COUNT; i++)
+		free(documents->made[i].owned);
+	free(documents->files);
+	free(documents);
+}
+
+const struct embedded_file *documents_file(const char *path)
+{
+	const char *name = !strcmp(path, "/") ? "index.html" : path + 1;
+	for (const struct embedded_file *f = welkin_embedded_www; *path == '/' && f->name; f++)
+		if (!strcmp(f->name, name))
+			return f;
+	return NULL;
+}
+
+const struct document *documents_of_file(const struct documents *documents, const struct embedded_file *file)
+{
+	return &documents->files[file - welkin_embedded_www];
+}

@@ -1,0 +1,474 @@
+#include "server/render.h"
+
+#include "api/api.h"
+#include "api/text.h"
+#include "server/buffer.h"
+#include "server/clock.h"
+#include "server/domain.h"
+#include "server/log.h"
+#include "server/product.h"
+#include "server/supervisor.h"
+
+#include <cjson/cJSON.h>
+#include <errno.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/*
+ * One render without a daemon, for job arrays and scripts: the same parser, renderer process and
+ * encoders as behind HTTP, so the file is the same, byte for byte.
+ */
+
+enum { EXIT_DONE = 0, EXIT_FAILED = 1, EXIT_BAD_REQUEST = 2 };
+enum { MAX_REQUEST_BYTES = 8 << 20, MAX_FIELD_ARGUMENTS = 256 };
+
+/* The largest image that fields allow: a person who renders to disk knows their own memory. */
+static const double max_pixels = 16384.0 * 16384.0;
+
+enum output { OUTPUT_PNG, OUTPUT_EXR, OUTPUT_JSON };
+
+struct command {
+	const char *request_path; /* NULL: none */
+	const char *out_path;
+	enum output output;
+	const char *device, *shader_dir;
+	char *fields[MAX_FIELD_ARGUMENTS]; /* NAME=VALUE */
+	int n_fields;
+};
+
+/* ---- command line ---- */
+
+static int complain(const char *format, ...) __attribute__((format(printf, 1, 2)));
+
+static int complain(const char *format, ...)
+{
+	va_list args;
+	va_start(args, format);
+	fputs("welkin render: ", stderr);
+	vfprintf(stderr, format, args);
+	fputs("\n", stderr);
+	va_end(args);
+	return EXIT_BAD_REQUEST;
+}
+
+static int help(void)
+{
+	char *fields = welkin_fields_help();
+	if (!fields)
+		return complain("out of memory");
+	printf("Usage: welkin render [REQUEST.json|-] -o OUT.png|OUT.exr|OUT.json [--device auto|software|N]\n"
+	       "                     [--shader-dir DIR] [NAME=VALUE ...]\n"
+	       "\n"
+	       "Renders one request to a file, as the daemon would. The request is a JSON object of nested fields, on\n"
+	       "standard input for -; NAME=VALUE sets or overrides one field by its dotted name, and is enough without\n"
+	       "a request file. OUT.json holds radiances for a request with \"directions\" and \"wavelengths_nm\", else\n"
+	       "what a render of the image reports about itself. Faults of the request: one line each, status 2. A\n"
+	       "render that fails: status 1.\n"
+	       "\n"
+	       "Environment: WELKIN_DEVICE, WELKIN_SHADER_DIR and WELKIN_RENDERER, as for welkin serve.\n"
+	       "\n"
+	       "Fields, with what they allow and their [default]:\n%s",
+		fields);
+	free(fields);
+	return EXIT_DONE;
+}
+
+static bool read_extension(struct command *command)
+{
+	const char *dot = strrchr(command->out_path, '.');
+	static const char *const names[] = { [OUTPUT_PNG] = ".png", [OUTPUT_EXR] = ".exr", [OUTPUT_JSON] = ".json" };
+	for (int i = OUTPUT_PNG; dot && i <= OUTPUT_JSON; i++) {
+		if (!strcmp(dot, names[i])) {
+			command->output = (enum output)i;
+			return true;
+		}
+	}
+	return false;
+}
+
+/* --name VALUE or --name=VALUE; NULL when argv[*i] is something else. */
+static const char *option_value(int argc, char **argv, int *i, const char *name, bool *missing)
+{
+	const size_t length = strlen(name);
+	if (strncmp(argv[*i], name, length))
+		return NULL;
+	if (argv[*i][length] == '=')
+		return argv[*i] + length + 1;
+	if (argv[*i][length])
+		return NULL;
+	*missing = *i + 1 >= argc;
+	return *missing ? "" : argv[++*i];
+}
+
+static int read_arguments(struct command *command, int argc, char **argv)
+{
+	for (int i = 1; i < argc; i++) {
+		const char *value;
+		bool missing = false;
+		if ((value = option_value(argc, argv, &i, "-o", &missing)) ||
+		    (value = option_value(argc, argv, &i, "--out", &missing)))
+			command->out_path = value;
+		else if ((value = option_value(argc, argv, &i, "--device", &missing)))
+			command->device = value;
+		else if ((value = option_value(argc, argv, &i, "--shader-dir", &missing)))
+			command->shader_dir = value;
+		else if (argv[i][0] == '-' && argv[i][1])
+			return complain("unknown option %s; see welkin render --help", argv[i]);
+		else if (strchr(argv[i], '=') && command->n_fields == MAX_FIELD_ARGUMENTS)
+			return complain("more than %d fields", MAX_FIELD_ARGUMENTS);
+		else if (strchr(argv[i], '='))
+			command->fields[command->n_fields++] = argv[i];
+		else if (command->request_path)
+			return complain("two request files, %s and %s", command->request_path, argv[i]);
+		else
+			command->request_path = argv[i];
+		if (missing)
+			return complain("%s needs a value", argv[i]);
+	}
+	if (!command->out_path)
+		return complain("-o OUT.png, OUT.exr or OUT.json is missing; see welkin render --help");
+	if (!read_extension(command))
+		return complain("can't tell the format of %s: it has to end in .png, .exr or .json", command->out_path);
+	if (!command->request_path && !command->n_fields)
+		return complain("no request: name a file, - for standard input, or at least one NAME=VALUE");
+	return EXIT_DONE;
+}
+
+/* ---- the request ---- */
+
+/* The whole file, NUL-terminated, malloc'd; NULL with errno. */
+static char *read_file(const char *path, size_t *size)
+{
+	FILE *file = strcmp(path, "-") ? fopen(path, "rb") : stdin;
+	char *text = file ? malloc(MAX_REQUEST_BYTES + 1) : NULL;
+	if (!text) {
+		if (file && file != stdin)
+			fclose(file);
+		return NULL;
+	}
+	*size = fread(text, 1, MAX_REQUEST_BYTES, file);
+	int failed = ferror(file) ? errno : 0;
+	if (!failed && *size == MAX_REQUEST_BYTES && fgetc(file) != EOF)
+		failed = EFBIG;
+	if (file != stdin)
+		fclose(file);
+	if (failed) {
+		free(text);
+		errno = failed;
+		return NULL;
+	}
+	text[*size] = 0;
+	return text;
+}
+
+/* Only looks; faults are for welkin_parse_json() to find. */
+static bool asks_for_radiance(const char *text)
+{
+	cJSON *json = cJSON_Parse(text);
+	const bool asks = cJSON_GetObjectItemCaseSensitive(json, "directions") ||
+			  cJSON_GetObjectItemCaseSensitive(json, "wavelengths_nm");
+	cJSON_Delete(json);
+	return asks;
+}
+
+/* A field of the command line replaces the file's; given twice on the command line it is a fault. */
+static void parse_fields(const struct command *command, struct welkin_draft *draft, struct welkin_faults *faults)
+{
+	bool replaced[WELKIN_FIELDS_MAX] = { false };
+	for (int i = 0; i < command->n_fields; i++) {
+		char *name = command->fields[i], *value = strchr(name, '=');
+		*value++ = 0;
+		const int field = welkin_field_find(name);
+		if (field >= 0 && !replaced[field]) {
+			draft->given[field] = 0;
+			replaced[field] = true;
+		}
+		welkin_parse_argument(draft, name, value, faults);
+	}
+}
+
+static int print_faults(const struct welkin_faults *faults)
+{
+	for (int i = 0; i < faults->n && i < WELKIN_FAULTS_MAX; i++) {
+		const struct welkin_fault *f = &faults->list[i];
+		complain("%s%s%s%s%s", f->field, *f->field ? ": " : "", f->detail, *f->allowed ? "; allowed: " : "", f->allowed);
+	}
+	if (faults->n > WELKIN_FAULTS_MAX)
+		complain("and %d more faults", faults->n - WELKIN_FAULTS_MAX);
+	return EXIT_BAD_REQUEST;
+}
+
+/* photometer->directions stays NULL for an image. */
+static int read_request(const struct command *command, struct welkin_request *request, struct welkin_photometer *photometer)
+{
+	const struct welkin_limits limits = { .max_pixels = max_pixels };
+	struct welkin_draft draft = { 0 };
+	struct welkin_faults faults = { 0 };
+	if (command->request_path) {
+		size_t size = 0;
+		char *text = read_file(command->request_path, &size);
+		if (!text)
+			return complain("can't read %s: %s", command->request_path, strerror(errno));
+		const bool radiance = command->output == OUTPUT_JSON && asks_for_radiance(text);
+		welkin_parse_json(&draft, text, size, radiance ? photometer : NULL, &faults);
+		free(text);
+	}
+	parse_fields(command, &draft, &faults);
+	welkin_resolve(&draft, command->output == OUTPUT_EXR ? WELKIN_EXR : WELKIN_PNG, &limits, request, &faults);
+	if (!faults.n)
+		domain_check(request, &faults);
+	return faults.n ? print_faults(&faults) : EXIT_DONE;
+}
+
+/* ---- rendering ---- */
+
+/* Shared with the supervisor's thread. */
+struct run {
+	struct supervisor *supervisor; /* NULL until supervisor_start() has returned */
+	struct buffer_pool pool;
+	struct buffer *buffer;
+	struct product *product;
+	pthread_mutex_t lock;
+	pthread_cond_t changed;
+	bool ready, done;
+	char failure[256]; /* "" while all is well */
+};
+
+static void on_ready(void *cls, const struct welkin_device *device)
+{
+	struct run *run = cls;
+	pthread_mutex_lock(&run->lock);
+	snprintf(run->product->device, sizeof run->product->device, "%s", device->name);
+	run->ready = true;
+	pthread_cond_signal(&run->changed);
+	pthread_mutex_unlock(&run->lock);
+}
+
+static void on_result(void *cls, const struct welkin_result *result)
+{
+	struct run *run = cls;
+	pthread_mutex_lock(&run->lock);
+	run->product->result = *result;
+	run->product->result.message[sizeof result->message - 1] = 0;
+	run->done = true;
+	pthread_cond_signal(&run->changed);
+	pthread_mutex_unlock(&run->lock);
+}
+
+static void on_lost(void *cls, const char *reason, bool was_ready)
+{
+	struct run *run = cls;
+	(void)was_ready;
+	pthread_mutex_lock(&run->lock);
+	if (!*run->failure)
+		snprintf(run->failure, sizeof run->failure, "the renderer failed: %s", reason);
+	pthread_cond_signal(&run->changed);
+	pthread_mutex_unlock(&run->lock);
+}
+
+static void on_tick(void *cls)
+{
+	(void)cls;
+}
+
+/* Waits for *flag or a failure. */
+static bool wait_for(struct run *run, const bool *flag)
+{
+	pthread_mutex_lock(&run->lock);
+	while (!*flag && !*run->failure)
+		pthread_cond_wait(&run->changed, &run->lock);
+	const bool well = !*run->failure;
+	pthread_mutex_unlock(&run->lock);
+	return well;
+}
+
+static const char *setting(const char *option, const char *variable, const char *fallback)
+{
+	const char *value = option ? option : getenv(variable);
+	return value ? value : fallback;
+}
+
+/* Fills in run->product from start to result; the reason is in run->failure otherwise. */
+static bool render(const struct command *command, struct run *run)
+{
+	const struct supervisor_config config = { .program = setting(NULL, "WELKIN_RENDERER", ""),
+		.device = setting(command->device, "WELKIN_DEVICE", "auto"),
+		.shader_dir = setting(command->shader_dir, "WELKIN_SHADER_DIR", ""),
+		.slice_ms = 50, /* nobody else waits for the device */
+		.table_mib = 256,
+		.watchdog_s = 60,
+		.startup_s = 180,
+		.ready = on_ready,
+		.result = on_result,
+		.lost = on_lost,
+		.tick = on_tick,
+		.cls = run };
+	struct error err;
+	run->supervisor = supervisor_start(&config, &err);
+	if (!run->supervisor) {
+		snprintf(run->failure, sizeof run->failure, "%.200s", err.text);
+		return false;
+	}
+	if (!wait_for(run, &run->ready))
+		return false;
+	const int64_t sent_us = clock_us();
+	if (!supervisor_send_job(run->supervisor, &run->product->job, run->buffer->fd))
+		on_lost(run, "it does not take the job", true);
+	const bool done = wait_for(run, &run->done);
+	run->product->wall_ms = fmax(clock_ms_between(sent_us, clock_us()), 0.001);
+	const struct welkin_result *result = &run->product->result;
+	if (done && result->status != WELKIN_DONE)
+		snprintf(run->failure, sizeof run->failure, "%.255s", *result->message ? result->message : "the render failed");
+	return !*run->failure;
+}
+
+/* ---- output ---- */
+
+/* What an image's render says about itself, with the request. */
+static bool encode_metadata(struct product *product, struct error *err)
+{
+	char *request = welkin_request_json(&product->job.request);
+	struct text text = { 0 };
+	text_puts(&text, "{\"request\":");
+	text_puts(&text, request ? request : "null");
+	text_puts(&text, ",");
+	product_add_metadata(product, true, &text);
+	text_puts(&text, "}\n");
+	product->body.size = text.length;
+	product->body.data = request ? (unsigned char *)text_take(&text) : NULL;
+	free(request);
+	return product->body.data || error_set(err, "out of memory");
+}
+
+static bool write_all(int fd, const unsigned char *data, size_t size)
+{
+	while (size) {
+		const ssize_t n = write(fd, data, size);
+		if (n < 0 && errno == EINTR)
+			continue;
+		if (n <= 0)
+			return false;
+		data += n;
+		size -= (size_t)n;
+	}
+	return true;
+}
+
+/* Under another name first: whoever waits for the file never sees half of it, and a failure leaves
+ * the old one alone. */
+static bool write_file(const char *path, const struct welkin_bytes *bytes, struct error *err)
+{
+	char temporary[4096];
+	if (snprintf(temporary, sizeof temporary, "%s.XXXXXX", path) >= (int)sizeof temporary)
+		return error_set(err, "the name of the output is too long");
+	const int fd = mkstemp(temporary);
+	if (fd < 0)
+		return error_set(err, "can't write beside %s: %s", path, strerror(errno));
+	const mode_t mask = umask(0);
+	umask(mask);
+	bool written = fchmod(fd, 0666 & ~mask) == 0 && write_all(fd, bytes->data, bytes->size);
+	const int failed = errno;
+	written = close(fd) == 0 && written;
+	if (written && rename(temporary, path) == 0)
+		return true;
+	error_set(err, "can't write %s: %s", path, strerror(written ? errno : failed));
+	unlink(temporary);
+	return false;
+}
+
+static void print_timings(const struct command *command, const struct product *p, int64_t start_us)
+{
+	const struct welkin_image *image = &p->job.request.image;
+	fprintf(stderr, "%s: ", command->out_path);
+	if (p->job.kind == WELKIN_JOB_RADIANCE)
+		fprintf(stderr, "%d directions x %d wavelengths", p->job.n_directions, p->job.n_wavelengths);
+	else
+		fprintf(stderr, "%d x %d", image->width, image->height);
+	fprintf(stderr, ", %s on %s:", welkin_method_names[p->job.request.atmosphere.method], p->device);
+	for (int i = 0; i < p->result.n_passes && i < WELKIN_MAX_PASSES; i++)
+		fprintf(stderr, " %.31s %.1f ms,", p->result.passes[i].name, p->result.passes[i].ms);
+	fprintf(stderr, " read-back %.1f ms, encode %.1f ms, in all %.1f ms, %zu bytes\n", p->result.readback_ms, p->encode_ms,
+		clock_ms_between(start_us, clock_us()), p->body.size);
+}
+
+static bool encode(const struct command *command, struct run *run, struct error *err)
+{
+	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
+	const int threads = processors > 1 ? (int)processors : 1;
+	if (command->output == OUTPUT_JSON && run->product->job.kind == WELKIN_JOB_IMAGE)
+		return encode_metadata(run->product, err);
+	return product_encode(run->product, run->buffer->map, threads, err);
+}
+
+static bool prepare(struct run *run, const struct welkin_request *request, const struct welkin_photometer *photometer,
+	struct error *err)
+{
+	struct product *p = run->product = calloc(1, sizeof *p);
+	if (!p)
+		return error_set(err, "out of memory");
+	p->references = 1;
+	p->job.id = 1;
+	p->job.kind = photometer->directions ? WELKIN_JOB_RADIANCE : WELKIN_JOB_IMAGE;
+	p->job.n_directions = photometer->n_directions;
+	p->job.n_wavelengths = photometer->n_wavelengths;
+	p->job.request = *request;
+	run->buffer = buffer_get(&run->pool, welkin_job_bytes(&p->job), err);
+	if (run->buffer && photometer->directions) {
+		const struct welkin_radiance_layout l = welkin_radiance_layout(p->job.n_directions, p->job.n_wavelengths);
+		double *values = run->buffer->map;
+		memcpy(values + l.directions, photometer->directions, sizeof(double) * 3 * (size_t)p->job.n_directions);
+		memcpy(values + l.wavelengths, photometer->wavelengths_nm, sizeof(double) * (size_t)p->job.n_wavelengths);
+	}
+	return run->buffer;
+}
+
+static int render_to_file(const struct command *command, const struct welkin_request *request,
+	const struct welkin_photometer *photometer, int64_t start_us)
+{
+	struct run run = { .lock = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER };
+	struct error err;
+	bool done = false;
+	buffer_pool_init(&run.pool, 0);
+	if (!prepare(&run, request, photometer, &err))
+		complain("%s", err.text);
+	else if (!render(command, &run))
+		complain("%s", run.failure);
+	else if (!encode(command, &run, &err) || !write_file(command->out_path, &run.product->body, &err))
+		complain("%s", err.text);
+	else
+		done = true;
+	if (done)
+		print_timings(command, run.product, start_us);
+	supervisor_stop(run.supervisor);
+	buffer_destroy(run.buffer);
+	buffer_pool_finish(&run.pool);
+	product_unref(run.product);
+	return done ? EXIT_DONE : EXIT_FAILED;
+}
+
+int welkin_render_command(int argc, char **argv)
+{
+	const int64_t start_us = clock_us();
+	struct command command = { 0 };
+	struct welkin_request request;
+	struct welkin_photometer photometer = { 0 };
+	for (int i = 1; i < argc; i++) {
+		if (!strcmp(argv[i], "--help") || !strcmp(argv[i], "-h"))
+			return help();
+	}
+	int status = read_arguments(&command, argc, argv);
+	if (!status)
+		status = read_request(&command, &request, &photometer);
+	if (!status) {
+		log_set_level("error");
+		status = render_to_file(&command, &request, &photometer, start_us);
+	}
+	welkin_photometer_finish(&photometer);
+	return status;
+}

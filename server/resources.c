@@ -1,0 +1,175 @@
+#include "server/domain.h"
+#include "server/http.h"
+#include "server/negotiate.h"
+#include "server/reply.h"
+#include "server/version.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- images ---- */
+
+/* From a draft to call->request and its key. False when the reply (422, 400) is what *result says. */
+static bool resolve(struct call *call, const struct welkin_draft *draft, enum welkin_format format, double max_pixels,
+	struct welkin_faults *faults, enum MHD_Result *result)
+{
+	const struct welkin_limits limits = { max_pixels };
+	if (!faults->n)
+		welkin_resolve(draft, format, &limits, &call->request, faults);
+	if (!faults->n)
+		domain_check(&call->request, faults);
+	if (!faults->n)
+		return true;
+	char detail[128];
+	snprintf(detail, sizeof detail, "%d field%s of the request cannot be used; see errors.", faults->n, faults->n > 1 ? "s" : "");
+	*result = reply_problem(call, faults->status ? faults->status : 400, detail, faults, 0);
+	return false;
+}
+
+/* The key says: this request, by this build, on this device; so equal keys are equal bytes.
+ * A file with its timings inside is new every time: no key, not cached, not shared. */
+static void make_key(struct call *call)
+{
+	char salt[256];
+	const struct welkin_device device = service_device(call->http->service);
+	call->keyed = !call->request.image.embed_timing;
+	snprintf(salt, sizeof salt, "%s|%s", build_name, device.name);
+	if (call->keyed)
+		welkin_request_key(&call->request, salt, call->key);
+}
+
+static enum MHD_Result render(struct call *call)
+{
+	make_key(call);
+	if (call->keyed && call->verb != VERB_POST && etag_matches(call_header(call, "If-None-Match"), call->key))
+		return reply_not_modified(call);
+	struct product *cached = call->keyed ? service_lookup(call->http->service, call->key) : NULL;
+	if (call->verb == VERB_HEAD) {
+		const enum MHD_Result result = reply_image_head(call, cached);
+		product_unref(cached);
+		return result;
+	}
+	if (!cached)
+		return call_submit(call, NULL);
+	call->ticket.product = cached; /* freed with the call */
+	return reply_product(call, true);
+}
+
+static enum MHD_Result answer_render_get(struct call *call)
+{
+	struct welkin_draft draft = { 0 };
+	struct welkin_faults faults = { 0 };
+	enum MHD_Result result;
+	welkin_parse_query(&draft, call->query, strlen(call->query), &faults);
+	if (!resolve(call, &draft, (enum welkin_format)call->resource->argument, call->http->options->max_pixels, &faults, &result))
+		return result;
+	return render(call);
+}
+
+/* What Accept asks for: the best of PNG, EXR and multipart; PNG where all are equal. In a
+ * multipart reply the image is PNG unless EXR is the better liked of the two. False: none. */
+static bool negotiate_image(const char *accept, enum welkin_format *format, bool *multipart)
+{
+	const double png = accept_quality(accept, "image/png");
+	const double exr = fmax(accept_quality(accept, "image/x-exr"), accept_quality(accept, "image/aces"));
+	const double mixed = accept_quality(accept, "multipart/mixed");
+	*format = exr > png ? WELKIN_EXR : WELKIN_PNG;
+	*multipart = mixed > png && mixed > exr;
+	return png > 0 || exr > 0 || mixed > 0;
+}
+
+static enum MHD_Result answer_render_post(struct call *call)
+{
+	struct welkin_draft draft = { 0 };
+	struct welkin_faults faults = { 0 };
+	enum welkin_format format;
+	enum MHD_Result result;
+	if (!negotiate_image(call_header(call, "Accept"), &format, &call->multipart))
+		return reply_problem(call, 406, "This resource gives image/png, image/x-exr and multipart/mixed.", NULL, 0);
+	welkin_parse_json(&draft, call->body.data ? call->body.data : "", call->body.length, NULL, &faults);
+	if (!resolve(call, &draft, format, call->http->options->max_pixels, &faults, &result))
+		return result;
+	return render(call);
+}
+
+/* ---- numbers ---- */
+
+static enum MHD_Result answer_radiance(struct call *call)
+{
+	struct welkin_draft draft = { 0 };
+	struct welkin_faults faults = { 0 };
+	struct welkin_photometer photometer = { 0 };
+	enum MHD_Result result;
+	if (accept_quality(call_header(call, "Accept"), "application/json") <= 0)
+		return reply_problem(call, 406, "This resource gives application/json.", NULL, 0);
+	welkin_parse_json(&draft, call->body.data ? call->body.data : "", call->body.length, &photometer, &faults);
+	/* No image is made, so the pixel budget does not apply to its (default) size. */
+	if (resolve(call, &draft, WELKIN_EXR, INFINITY, &faults, &result))
+		result = call_submit(call, &photometer);
+	welkin_photometer_finish(&photometer);
+	return result;
+}
+
+/* ---- documents ---- */
+
+static enum MHD_Result answer_document(struct call *call)
+{
+	return reply_document(call, &call->http->documents->made[call->resource->argument]);
+}
+
+static enum MHD_Result answer_page(struct call *call)
+{
+	return reply_document(call, documents_of_file(call->http->documents, call->file));
+}
+
+static enum MHD_Result answer_version(struct call *call)
+{
+	const struct welkin_device device = service_device(call->http->service);
+	const struct options *o = call->http->options;
+	struct text text = { 0 };
+	text_puts(&text, "{\"name\":\"welkin\",\"version\":");
+	text_json_string(&text, build_version);
+	text_puts(&text, ",\"revision\":");
+	text_json_string(&text, build_revision);
+	text_puts(&text, ",\"device\":");
+	text_json_string(&text, device.name);
+	text_puts(&text, ",\"gl\":{\"vendor\":");
+	text_json_string(&text, device.vendor);
+	text_puts(&text, ",\"renderer\":");
+	text_json_string(&text, device.name);
+	text_puts(&text, ",\"version\":");
+	text_json_string(&text, device.version);
+	text_printf(&text, ",\"software\":%s,\"index\":%d}", device.software ? "true" : "false", device.index);
+	text_printf(&text, ",\"limits\":{\"max_pixels\":%.0f,\"deadline_s\":%g,\"max_body_kib\":%d,\"queue\":%d}}\n", o->max_pixels,
+		o->deadline_s, o->max_body_kib, o->queue);
+	return reply_json(call, text_take(&text));
+}
+
+/* Browsers ask for it whatever the page says; no icon is no error. */
+static enum MHD_Result answer_favicon(struct call *call)
+{
+	static const char icon[] = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 16 16\"><defs><linearGradient id=\"s\" "
+	                           "x2=\"0\" y2=\"1\"><stop stop-color=\"#1c4f9c\"/><stop offset=\"1\" stop-color=\"#cfe4f5\"/>"
+	                           "</linearGradient></defs><rect width=\"16\" height=\"16\" rx=\"3\" fill=\"url(#s)\"/>"
+	                           "<circle cx=\"11\" cy=\"6\" r=\"2.5\" fill=\"#fff3c4\"/></svg>";
+	static const struct document document = { .type = "image/svg+xml", .data = icon, .size = sizeof icon - 1, .tag = "favicon-1" };
+	return reply_document(call, &document);
+}
+
+#define READ (VERB_GET | VERB_HEAD | VERB_OPTIONS)
+#define POST (VERB_POST | VERB_OPTIONS)
+
+const struct resource resources[] = {
+	{ "/v1/render.png", READ, RESOURCE_RENDER_PNG, answer_render_get, WELKIN_PNG },
+	{ "/v1/render.exr", READ, RESOURCE_RENDER_EXR, answer_render_get, WELKIN_EXR },
+	{ "/v1/render", POST, RESOURCE_RENDER_POST, answer_render_post, 0 },
+	{ "/v1/radiance", POST, RESOURCE_RADIANCE, answer_radiance, 0 },
+	{ "/v1/methods", READ, RESOURCE_METHODS, answer_document, DOCUMENT_METHODS },
+	{ "/v1/presets", READ, RESOURCE_PRESETS, answer_document, DOCUMENT_PRESETS },
+	{ "/openapi.json", READ, RESOURCE_OPENAPI, answer_document, DOCUMENT_OPENAPI },
+	{ "/version", READ, RESOURCE_VERSION, answer_version, 0 },
+	{ "/favicon.ico", READ, RESOURCE_OTHER, answer_favicon, 0 },
+	{ "/", READ, RESOURCE_PAGE, answer_page, 0 }, /* and every other embedded file */
+	{ NULL, 0, 0, NULL, 0 },
+};

@@ -1,0 +1,167 @@
+#include "server/serve.h"
+#include "server/admin.h"
+#include "server/clock.h"
+#include "server/http.h"
+#include "server/listen.h"
+#include "server/log.h"
+#include "server/version.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/signalfd.h>
+#include <systemd/sd-daemon.h>
+#include <unistd.h>
+
+struct server {
+	struct options options;
+	int signal_fd, http_fd, admin_fd;
+	struct service *service;
+	struct documents *documents;
+	struct admin *admin;
+	struct http *http;
+};
+
+/* SIGTERM and SIGINT become readable; every thread inherits the mask. */
+static bool open_signals(struct server *server, struct error *err)
+{
+	sigset_t set;
+	sigemptyset(&set);
+	sigaddset(&set, SIGTERM);
+	sigaddset(&set, SIGINT);
+	signal(SIGPIPE, SIG_IGN);
+	sigprocmask(SIG_BLOCK, &set, NULL);
+	server->signal_fd = signalfd(-1, &set, SFD_CLOEXEC);
+	return server->signal_fd >= 0 || error_set(err, "signalfd: %s", strerror(errno));
+}
+
+static bool asked_to_stop(const struct server *server, int timeout_ms)
+{
+	struct pollfd p = { .fd = server->signal_fd, .events = POLLIN };
+	return poll(&p, 1, timeout_ms) > 0;
+}
+
+/* Until a small render worked. false: given up, or asked to stop (then err is empty). */
+static bool wait_until_started(struct server *server, struct error *err)
+{
+	char why[256];
+	struct pollfd p[] = { { .fd = service_started_fd(server->service), .events = POLLIN },
+		{ .fd = server->signal_fd, .events = POLLIN } };
+	while (poll(p, 2, -1) < 0 && errno == EINTR)
+		;
+	if (p[1].revents)
+		return error_set(err, "%s", "");
+	if (service_failed(server->service, why, sizeof why))
+		return error_set(err, "no renderer can be started: %s", why);
+	return true;
+}
+
+static bool start(struct server *server, struct error *err)
+{
+	const struct options *o = &server->options;
+	char url[160], admin_url[160];
+	if (!open_signals(server, err) || !listen_url(server->http_fd, url, sizeof url) ||
+	    !listen_url(server->admin_fd, admin_url, sizeof admin_url))
+		return false;
+	server->documents = documents_create(err);
+	server->service = server->documents ? service_start(o, err) : NULL;
+	if (!server->service)
+		return false;
+	server->admin = admin_start(server->service, server->admin_fd, err);
+	server->admin_fd = -1;
+	if (!server->admin || !wait_until_started(server, err))
+		return false;
+	server->http = http_start(o, server->service, server->documents, server->http_fd, err);
+	server->http_fd = -1;
+	if (!server->http)
+		return false;
+	const struct welkin_device device = service_device(server->service);
+	printf("welkin ready: %s admin %s device %s\n", url, admin_url, device.name);
+	fflush(stdout);
+	sd_notify(0, "READY=1");
+	log_event(LEVEL_INFO, "serving", "url=%s admin=%s version=%s revision=%s device=\"%s\"", url, admin_url, build_version,
+		build_revision, device.name);
+	return true;
+}
+
+/* What is in flight may finish, for a bounded time; a second signal ends the wait. */
+static void drain(struct server *server)
+{
+	const int64_t end_us = clock_us() + (int64_t)(server->options.drain_s * 1e6);
+	struct signalfd_siginfo first;
+	if (read(server->signal_fd, &first, sizeof first) < 0)
+		first.ssi_signo = 0;
+	sd_notify(0, "STOPPING=1");
+	log_event(LEVEL_INFO, "stopping", "signal=%d answering=%d", (int)first.ssi_signo, http_answering(server->http));
+	http_quiesce(server->http);
+	while (http_answering(server->http) > 0 && clock_us() < end_us && !asked_to_stop(server, 10))
+		;
+	/* Whoever still waits gets a 503, for which a moment is needed. */
+	service_refuse(server->service);
+	const int64_t last_us = clock_us() + 1000000;
+	while (http_answering(server->http) > 0 && clock_us() < last_us)
+		asked_to_stop(server, 10);
+}
+
+static void stop(struct server *server)
+{
+	if (server->service)
+		service_refuse(server->service);
+	http_stop(server->http);
+	admin_stop(server->admin);
+	service_stop(server->service);
+	documents_destroy(server->documents);
+	if (server->http_fd >= 0)
+		close(server->http_fd);
+	if (server->admin_fd >= 0)
+		close(server->admin_fd);
+	if (server->signal_fd >= 0)
+		close(server->signal_fd);
+}
+
+static int complain(int status, const char *text)
+{
+	fprintf(stderr, "welkin serve: %s\n", text);
+	return status;
+}
+
+int serve_command(int argc, char **argv)
+{
+	static struct server server;
+	struct error err = { "" };
+	bool wrong = false;
+	server = (struct server){ .signal_fd = -1, .http_fd = -1, .admin_fd = -1 };
+	if (!options_load(&server.options, argc, argv, &err))
+		return complain(2, err.text);
+	if (server.options.help) {
+		printf("welkin serve [OPTION…]\n\n");
+		options_help(stdout);
+		return 0;
+	}
+	if (server.options.print_config) {
+		options_print(&server.options, stdout);
+		return 0;
+	}
+	log_set_level(server.options.log_level);
+	server.http_fd = listen_on(server.options.listen, &wrong, &err);
+	if (server.http_fd < 0)
+		return complain(wrong ? 2 : 1, err.text);
+	server.admin_fd = listen_on(server.options.admin, &wrong, &err);
+	if (server.admin_fd < 0) {
+		close(server.http_fd);
+		return complain(wrong ? 2 : 1, err.text);
+	}
+	int status = 0;
+	if (start(&server, &err)) {
+		while (!asked_to_stop(&server, -1))
+			;
+		drain(&server);
+	} else if (*err.text) {
+		status = complain(1, err.text);
+	}
+	stop(&server);
+	log_event(LEVEL_INFO, "stopped", "status=%d", status);
+	return status;
+}

@@ -1,0 +1,51 @@
+#!/bin/sh
+# What `make check` runs after its packages are there. Every step prints what it ran; the first
+# failure ends it.
+set -eu
+cd "$(dirname "$0")/.."
+jobs=$(nproc)
+started=$(date +%s)
+
+step() {
+	printf '\n== %s (%d s)\n' "$1" "$(($(date +%s) - started))"
+}
+
+# Runs every cmocka program of a build, one after the other: they time things.
+run_tests() {
+	build=$1
+	shift
+	for test in "$@"; do
+		echo "-- $test"
+		WELKIN_BIN=$build/welkin "$build/tests/$test"
+	done
+}
+
+all_tests() {
+	for source in tests/test_*.c; do basename "$source" .c; done
+}
+
+step "build with gcc"
+make -j"$jobs" --no-print-directory all tests programs
+
+step "lint: clang-format, cppcheck, shader syntax"
+make --no-print-directory lint
+
+step "build with clang"
+make -j"$jobs" --no-print-directory B=build-clang CC=clang all
+
+step "tests"
+run_tests build $(all_tests)
+
+step "tests under AddressSanitizer and UndefinedBehaviorSanitizer"
+make -j"$jobs" --no-print-directory B=build-asan SANITIZER=address,undefined OPT='-O1 -g' all tests
+export ASAN_OPTIONS=detect_leaks=1:abort_on_error=0 LSAN_OPTIONS=suppressions=tests/lsan.supp:print_suppressions=0
+run_tests build-asan $(all_tests | grep -v -x -f tests/asan_skip.txt)
+unset ASAN_OPTIONS LSAN_OPTIONS
+
+step "fuzz smoke"
+make --no-print-directory fuzz-smoke
+
+step "smoke of the long programs"
+make --no-print-directory smoke
+
+step "done"
