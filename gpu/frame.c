@@ -110,6 +110,7 @@ void frame_destroy(struct workspace *ws, struct frame *frame)
 	if (frame->map)
 		munmap(frame->map, frame->map_size);
 	free(frame->samples);
+	free(frame->tally);
 	free(frame);
 }
 
@@ -149,6 +150,8 @@ bool frame_settle(struct workspace *ws, struct frame *frame, int pixels, int bat
 		if (strncmp(slice.times[i].name, "table-", 6) != 0)
 			ms += slice.times[i].ms;
 	}
+	if (pixels == 0)
+		return true;
 	const struct welkin_atmosphere *a = &frame->job.request.atmosphere;
 	workspace_learn(ws, a->method, a->steps, a->light_steps, ms / pixels / batches, pixels);
 	return true;

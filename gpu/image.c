@@ -2,6 +2,7 @@
 #include "gpu/frame.h"
 
 #include "gpu/clock.h"
+#include "gpu/progressive.h"
 #include "gpu/view.h"
 
 #include <math.h>
@@ -96,15 +97,17 @@ bool image_start(struct workspace *ws, struct frame *frame, struct error *err)
 	return true;
 }
 
-static void run_sky(struct workspace *ws, const struct frame *f, const char *name, const int tile[4],
-	unsigned radiance)
+void image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4], unsigned radiance,
+	const int samples[4])
 {
 	struct pass rays = { .name = "rays", .program = f->rays, .threads = { tile[2], tile[3], 1 } };
 	memcpy(rays.tile, tile, sizeof rays.tile);
 	rays.storage[BIND_DIRECTIONS] = ws->rays.id;
 	passes_run(ws->passes, &rays);
-	struct pass sky = { .name = name, .program = f->sky, .threads = { tile[2] * tile[3], 1, 1 } };
+	struct pass sky = { .name = f->stage == FRAME_METER ? "meter" : "sky", .program = f->sky, .threads = { tile[2] * tile[3], 1, 1 } };
 	memcpy(sky.tile, tile, sizeof sky.tile);
+	if (samples)
+		memcpy(sky.samples, samples, sizeof sky.samples);
 	sky.storage[BIND_DIRECTIONS] = ws->rays.id;
 	sky.storage[BIND_RADIANCE] = radiance;
 	sky.storage[BIND_INSCATTER] = ws->inscatter.id;
@@ -145,7 +148,8 @@ static bool meter_step(struct workspace *ws, struct frame *f, double start_ms, s
 		frame_finish(f, WELKIN_FAILED, err->text);
 		return true;
 	}
-	run_sky(ws, f, "meter", tile, ws->meter.id);
+	static const int meter_samples[4] = { 0, 1, 64, 8 }; /* progressive: enough paths to meter by */
+	image_run_sky(ws, f, tile, ws->meter.id, meter_samples);
 	if (!frame_settle(ws, f, pixels, f->scene.n_batches, err))
 		return false;
 	const float(*from)[4] = ws->meter.data;
@@ -230,10 +234,21 @@ static bool reserve(struct workspace *ws, const struct frame *f, int pixels, con
 	       (!(layers || disk) || workspace_reserve(&ws->transmittance, size, false, err));
 }
 
+/* The strip in hand of a progressive method, or the next one. */
+static void next_tile(struct workspace *ws, struct frame *f, double start_ms, int tile[4])
+{
+	if (f->method->progressive && f->check > 0) {
+		memcpy(tile, f->tile, sizeof f->tile);
+		return;
+	}
+	strips_next(&f->strips, frame_afford(ws, f, f->scene.n_batches, start_ms), tile);
+	memcpy(f->tile, tile, sizeof f->tile);
+}
+
 static bool strip_step(struct workspace *ws, struct frame *f, double start_ms, struct error *err)
 {
 	int tile[4];
-	strips_next(&f->strips, frame_afford(ws, f, f->scene.n_batches, start_ms), tile);
+	next_tile(ws, f, start_ms, tile);
 	const int pixels = tile[2] * tile[3];
 	const struct welkin_image_layout layout = welkin_image_layout(&f->job.request.image);
 	const struct strip_planes planes = lay_out(&layout, f->scene.frame.output_format, pixels);
@@ -243,10 +258,18 @@ static bool strip_step(struct workspace *ws, struct frame *f, double start_ms, s
 	}
 	uint32_t *nonfinite = ws->counters.data;
 	*nonfinite = 0;
-	run_sky(ws, f, "sky", tile, ws->radiance.id);
+	if (f->method->progressive) {
+		bool settled;
+		if (!progressive_strip_pass(ws, f, &settled, err))
+			return false;
+		if (!settled)
+			return true;
+	} else {
+		image_run_sky(ws, f, tile, ws->radiance.id, NULL);
+	}
 	run_disk(ws, f, tile);
 	run_output(ws, f, tile, &planes);
-	if (!frame_settle(ws, f, pixels, f->scene.n_batches, err))
+	if (!frame_settle(ws, f, f->method->progressive ? 0 : pixels, f->scene.n_batches, err))
 		return false;
 	f->result.nonfinite += *nonfinite;
 	read_back(ws, f, &layout, &planes, tile);

@@ -34,6 +34,7 @@ struct method {
 	const char *const *fields;      /* fields it reads beyond camera and sun, NULL-terminated */
 	const struct method_range *domain; /* terminated by field == NULL */
 	int single_scattering;          /* 1: orders above the first are left out by nature */
+	int progressive;                /* 1: its kernel gives random samples, repeated until their error suffices */
 	int physical;                   /* 1: uses the media coefficients; 0: an analytic sky */
 	/* Makes sure that the tables it reads for a spectral batch exist and are bound (NULL: it reads
 	 * none). Not ready: work was dispatched, call again once it is done. */

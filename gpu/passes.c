@@ -104,6 +104,8 @@ static void bind(const struct passes *passes, const struct pass *pass)
 		glUniform1i(LOCATION_BATCH, pass->batch);
 	if (pass->program->has_iteration)
 		glUniform1i(LOCATION_ITERATION, pass->iteration);
+	if (pass->program->has_samples)
+		glUniform4iv(LOCATION_SAMPLES, 1, pass->samples);
 	if (pass->program->has_planes)
 		glUniform4iv(LOCATION_PLANES, 1, pass->planes);
 	if (pass->program->has_white)

@@ -31,6 +31,7 @@ struct pass {
 	int tile[4];                    /* LOCATION_TILE */
 	int batch;                      /* LOCATION_BATCH, and which BandsBlock is bound */
 	int iteration;                  /* LOCATION_ITERATION */
+	int samples[4];                 /* LOCATION_SAMPLES */
 	int planes[4];                  /* LOCATION_PLANES */
 	float white[4];                 /* LOCATION_WHITE */
 	int box[4];                     /* LOCATION_BOX */

@@ -3,6 +3,7 @@
 #include "gpu/frame.h"
 
 #include "gpu/clock.h"
+#include "gpu/progressive.h"
 #include "gpu/spectrum.h"
 
 #include <epoxy/gl.h>
@@ -53,7 +54,7 @@ static void read_back(struct workspace *ws, struct frame *f, int first, int coun
 			const size_t to = (size_t)(first + i) * (size_t)n + (size_t)(band + k);
 			reply[at.radiance + to] = checked(f, L[i][k]);
 			reply[at.transmittance + to] = checked(f, T[i][k]);
-			reply[at.std_error + to] = NAN; /* no method that runs here is random */
+			reply[at.std_error + to] = NAN; /* not random */
 		}
 	f->result.readback_ms += clock_ms() - start_ms;
 }
@@ -68,8 +69,23 @@ static void add_luminance(struct frame *f)
 			reply + at.radiance + (size_t)i * (size_t)n, n);
 }
 
+void photometer_advance(struct frame *frame, int count)
+{
+	frame->direction += count;
+	if (frame->direction == frame->job.n_directions) {
+		frame->direction = 0;
+		frame->batch++;
+	}
+	if (frame->batch == frame->scene.n_batches) {
+		add_luminance(frame);
+		frame_finish(frame, WELKIN_DONE, NULL);
+	}
+}
+
 bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err)
 {
+	if (frame->method->progressive)
+		return progressive_photometer_step(ws, frame, start_ms, err);
 	const int afford = frame_afford(ws, frame, 1, start_ms), left = frame->job.n_directions - frame->direction;
 	const int count = afford < left ? afford : left;
 	const size_t size = (size_t)count * 4 * sizeof(float);
@@ -90,14 +106,6 @@ bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms,
 	if (!frame_settle(ws, frame, count, 1, err))
 		return false;
 	read_back(ws, frame, frame->direction, count);
-	frame->direction += count;
-	if (frame->direction == frame->job.n_directions) {
-		frame->direction = 0;
-		frame->batch++;
-	}
-	if (frame->batch == frame->scene.n_batches) {
-		add_luminance(frame);
-		frame_finish(frame, WELKIN_DONE, NULL);
-	}
+	photometer_advance(frame, count);
 	return true;
 }

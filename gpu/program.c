@@ -211,6 +211,7 @@ const struct program *programs_get(struct programs *programs, const char *name, 
 	glGetProgramiv(id, GL_COMPUTE_WORK_GROUP_SIZE, p->group);
 	p->has_tile = glGetUniformLocation(id, "tile") == LOCATION_TILE;
 	p->has_batch = glGetUniformLocation(id, "batch") == LOCATION_BATCH;
+	p->has_samples = glGetUniformLocation(id, "samples") == LOCATION_SAMPLES;
 	p->has_iteration = glGetUniformLocation(id, "iteration") == LOCATION_ITERATION;
 	p->has_planes = glGetUniformLocation(id, "planes") == LOCATION_PLANES;
 	p->has_white = glGetUniformLocation(id, "white") == LOCATION_WHITE;

@@ -32,7 +32,7 @@ static void release(struct buffer *buffer)
 void workspace_finish(struct workspace *ws)
 {
 	struct buffer *buffers[] = { &ws->rays, &ws->radiance, &ws->inscatter, &ws->transmittance, &ws->output, &ws->counters,
-		&ws->meter, &ws->directions, &ws->spectral_L, &ws->spectral_T };
+		&ws->meter, &ws->samples, &ws->sample_layers, &ws->directions, &ws->spectral_L, &ws->spectral_T };
 	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
 		release(buffers[i]);
 	tables_destroy(ws->tables);

@@ -130,7 +130,7 @@ vec4 scatter(inout Vertex v)
 }
 
 /* Follows one path from a point inside the air; s0 in (0,1) places its first collision. Returns
- * radiance per band of orders 1 to max_order. */
+ * radiance per band of orders 1 to max_order; a bounce off the ground counts as one. */
 vec4 trace(Vertex v, float s0, int max_order)
 {
 	vec4 L = vec4(0.0);

@@ -51,6 +51,7 @@ typedef unsigned int uint;
 #define LOCATION_BATCH 1 /* int: index of the spectral batch; 0 clears the accumulators */
 #define LOCATION_PLANES 2 /* ivec4: where in BIND_OUTPUT, in uints, inscatter, transmittance and depth start; -1: not wanted */
 #define LOCATION_WHITE 3 /* vec4: linear Rec.709 of the sun's irradiance over all batches, and its luminance: what a transmittance of 1 adds up to */
+#define LOCATION_SAMPLES 6 /* ivec4, progressive methods: first group of paths, groups per ray in this dispatch, paths per group, highest order */
 #define LOCATION_ITERATION 5 /* int: how often a table's kernel has run before */
 #define LOCATION_BOX 4   /* ivec4: x, y, width, height of the part of the strip that the sun's disk may touch */
 

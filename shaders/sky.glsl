@@ -32,6 +32,11 @@ layout(std430, binding = BIND_INSCATTER) buffer Inscatter { vec4 inscatter[]; };
 layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
 layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
 
+/* How many invocations share a ray, each with a result of its own; a method of random samples says more. */
+#ifndef RAY_SHARE
+#define RAY_SHARE 1
+#endif
+
 bool feature(int bit)
 {
 	return (frame.features & bit) != 0;
@@ -77,9 +82,10 @@ void add_pixel(int i, Ray ray, vec4 L, vec4 T)
 void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
-	if (i >= tile.z * tile.w)
+	if (i >= tile.z * tile.w * RAY_SHARE)
 		return;
-	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i];
+	int ray_index = i / RAY_SHARE;
+	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + ray_index : ray_index];
 	Ray ray;
 	ray.d = at.xyz;
 	ray.h = frame.camera_altitude;

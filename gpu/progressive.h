@@ -1,0 +1,20 @@
+#ifndef WELKIN_GPU_PROGRESSIVE_H
+#define WELKIN_GPU_PROGRESSIVE_H
+
+#include "gpu/frame.h"
+
+/*
+ * Methods whose kernels give random samples: repeated until the standard error is at most
+ * accuracy.max_error of the value, or accuracy.budget_ms is spent. Samples are numbered and added in
+ * that order, and whether they suffice is asked only at fixed numbers of them, so that a seed gives
+ * the same bytes however the work was cut into slices. (A budget in time can't promise that.)
+ */
+
+/* One slice's work on a radiance job: one direction and batch at a time. */
+bool progressive_photometer_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
+
+/* One pass over the strip in hand, into f->sums; *settled once the strip's mean is good and has been put where the output
+ * kernel reads. */
+bool progressive_strip_pass(struct workspace *ws, struct frame *frame, bool *settled, struct error *err);
+
+#endif
