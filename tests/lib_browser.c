@@ -13,11 +13,11 @@
 #include <time.h>
 #include <unistd.h>
 
+#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <cmocka.h>
 
 extern char **environ;
 
@@ -188,12 +188,17 @@ void lib_browser_start(struct lib_browser *browser, int width, int height, bool 
 	const char *port = strstr(browser->driver.line, "on port ") + strlen("on port ");
 	snprintf(browser->session, sizeof browser->session, "http://127.0.0.1:%d/session", atoi(port));
 	if (phone)
-		snprintf(device, sizeof device, ",\"mobileEmulation\":{\"deviceMetrics\":{\"width\":%d,\"height\":%d,"
-			"\"pixelRatio\":2,\"touch\":true}}", width, height);
+		snprintf(device, sizeof device,
+			",\"mobileEmulation\":{\"deviceMetrics\":{\"width\":%d,\"height\":%d,"
+			"\"pixelRatio\":2,\"touch\":true}}",
+			width, height);
 	snprintf(options, sizeof options,
-		"{\"capabilities\":{\"alwaysMatch\":{\"browserName\":\"chrome\",\"goog:loggingPrefs\":{\"browser\":\"ALL\"},"
-		"\"goog:chromeOptions\":{\"args\":[\"--headless=new\",\"--no-sandbox\",\"--disable-gpu\",\"--disable-dev-shm-usage\","
-		"\"--window-size=%d,%d\",\"--lang=en\"]%s}}}}", width, height, device);
+		"{\"capabilities\":{\"alwaysMatch\":{\"browserName\":\"chrome\",\"goog:loggingPrefs\":{\"browser\":"
+		"\"ALL\"},"
+		"\"goog:chromeOptions\":{\"args\":[\"--headless=new\",\"--no-sandbox\",\"--disable-gpu\",\"--disable-"
+		"dev-shm-usage\","
+		"\"--window-size=%d,%d\",\"--lang=en\"]%s}}}}",
+		width, height, device);
 	cJSON *value = command(browser, "", cJSON_Parse(options));
 	const char *id = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(value, "sessionId"));
 	assert_non_null(id);

@@ -9,11 +9,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <cmocka.h>
 
 static struct lib_child daemon_child;
 static char page[256], screenshots[PATH_MAX];
@@ -43,9 +43,11 @@ static void open_page(const char *hash)
 static void type_in(const char *field, const char *value)
 {
 	char script[512];
-	snprintf(script, sizeof script, "delete document.getElementById('frame').dataset.shown;"
+	snprintf(script, sizeof script,
+		"delete document.getElementById('frame').dataset.shown;"
 		"const i = document.getElementById('f-%s'); i.value = '%s';"
-		"i.dispatchEvent(new Event('input', { bubbles: true })); i.dispatchEvent(new Event('change', { bubbles: true }));",
+		"i.dispatchEvent(new Event('input', { bubbles: true })); i.dispatchEvent(new Event('change', { "
+		"bubbles: true }));",
 		field, value);
 	cJSON_Delete(lib_browser_run(&browser, script));
 }
@@ -53,8 +55,10 @@ static void type_in(const char *field, const char *value)
 static void press(const char *label)
 {
 	char script[512];
-	snprintf(script, sizeof script, "delete document.getElementById('frame').dataset.shown;"
-		"[...document.querySelectorAll('button')].find(b => b.textContent === '%s').click()", label);
+	snprintf(script, sizeof script,
+		"delete document.getElementById('frame').dataset.shown;"
+		"[...document.querySelectorAll('button')].find(b => b.textContent === '%s').click()",
+		label);
 	cJSON_Delete(lib_browser_run(&browser, script));
 }
 
@@ -94,7 +98,8 @@ static void test_first_picture(void **state)
 	assert_true(number("return document.querySelectorAll('#bar i').length") >= 4);
 	assert_true(number("return document.querySelectorAll('#plan li').length") >= 2);
 	assert_contains(text("return document.getElementById('timings').innerText"), "encode");
-	assert_true(number("return Math.min(...[...document.querySelectorAll('#timings td')].map(td => parseFloat(td.textContent)))") >= 0);
+	assert_true(number("return Math.min(...[...document.querySelectorAll('#timings td')].map(td => "
+			   "parseFloat(td.textContent)))") >= 0);
 	assert_true(number("return parseFloat([...document.querySelectorAll('#timings .sum td')][0].textContent)") > 0);
 	assert_true(number("return document.getElementById('bar').getBoundingClientRect().height") > 4);
 	assert_contains(text("return document.getElementById('badge').textContent"), "1280 × 720");
@@ -121,7 +126,8 @@ static void test_every_field_has_a_labelled_control(void **state)
 		if (!cJSON_HasObjectItem(p, "x-order"))
 			continue;
 		fields++;
-		snprintf(script, sizeof script, "return document.querySelectorAll('[data-field=\"%s\"] :is(input, select)').length", p->string);
+		snprintf(script, sizeof script,
+			"return document.querySelectorAll('[data-field=\"%s\"] :is(input, select)').length", p->string);
 		if (number(script) < 1)
 			fail_msg("%s has no control", p->string);
 	}
@@ -130,7 +136,7 @@ static void test_every_field_has_a_labelled_control(void **state)
 	assert_true(fields > 30);
 	assert_true(number("return document.querySelectorAll('[data-field]').length") == fields);
 	assert_true(number("return [...document.querySelectorAll('input, select, button')].filter(e => "
-		"!(e.labels?.length || e.getAttribute('aria-label') || e.textContent.trim())).length") == 0);
+			   "!(e.labels?.length || e.getAttribute('aria-label') || e.textContent.trim())).length") == 0);
 }
 
 static void test_a_field_changes_picture_and_address(void **state)
@@ -148,10 +154,13 @@ static void test_a_field_changes_picture_and_address(void **state)
 	long status;
 	char *picture = lib_get(url, &size, &status);
 	assert_int_equal(status, 200);
-	cJSON_Delete(lib_browser_run(&browser, "const shown = document.getElementById('picture'), other = new Image();"
-		"const pixels = image => { const c = new OffscreenCanvas(1280, 720).getContext('2d'); c.drawImage(image, 0, 0);"
+	cJSON_Delete(lib_browser_run(&browser,
+		"const shown = document.getElementById('picture'), other = new Image();"
+		"const pixels = image => { const c = new OffscreenCanvas(1280, 720).getContext('2d'); "
+		"c.drawImage(image, 0, 0);"
 		"return new Uint32Array(c.getImageData(0, 0, 1280, 720).data.buffer); };"
-		"other.onload = () => { const a = pixels(shown), b = pixels(other); window.differing = a.filter((v, i) => v !== b[i]).length;"
+		"other.onload = () => { const a = pixels(shown), b = pixels(other); window.differing = a.filter((v, i) "
+		"=> v !== b[i]).length;"
 		"window.colours = new Set(a).size; }; other.src = document.getElementById('url').value;"));
 	lib_browser_wait(&browser, "window.colours > 0", 5000);
 	assert_true(number("return window.differing") == 0);
@@ -161,11 +170,13 @@ static void test_a_field_changes_picture_and_address(void **state)
 	free(url);
 
 	/* The slider of the same field, and back to nothing. */
-	cJSON_Delete(lib_browser_run(&browser, "const s = document.querySelector('[data-field=\"sun.elevation_deg\"] [type=range]');"
+	cJSON_Delete(lib_browser_run(&browser,
+		"const s = document.querySelector('[data-field=\"sun.elevation_deg\"] [type=range]');"
 		"s.value = 750; s.dispatchEvent(new Event('input', { bubbles: true }))"));
 	assert_contains(text("return location.hash"), "#sun.elevation_deg=45");
 	assert_true(number("return Number(document.getElementById('f-sun.elevation_deg').value)") == 45);
-	cJSON_Delete(lib_browser_run(&browser, "document.querySelector('[data-field=\"sun.elevation_deg\"] .clear').click()"));
+	cJSON_Delete(lib_browser_run(
+		&browser, "document.querySelector('[data-field=\"sun.elevation_deg\"] .clear').click()"));
 	assert_true(number("return location.hash.length") == 0);
 	assert_no_errors();
 }
@@ -178,7 +189,8 @@ static void test_faults_stand_at_their_fields(void **state)
 	type_in("sun.elevation_deg", "500");
 	type_in("camera.fov_deg", "wide");
 	lib_browser_wait(&browser, "document.querySelectorAll('.faulty').length === 2", 10000);
-	assert_contains(text("return document.querySelector('[data-field=\"sun.elevation_deg\"] .fault').innerText"), "allowed");
+	assert_contains(text("return document.querySelector('[data-field=\"sun.elevation_deg\"] .fault').innerText"),
+		"allowed");
 	assert_true(number("return document.querySelectorAll('[aria-invalid]').length") == 2);
 	assert_true(number("return document.getElementById('problem').offsetHeight") > 0);
 	assert_contains(text("return document.getElementById('picture').src"), before); /* the last good one stays */
@@ -198,12 +210,16 @@ static void test_quick_buttons(void **state)
 	open_page("");
 	press("Dome");
 	lib_browser_wait(&browser, SHOWN, 30000);
-	assert_true(number("return document.getElementById('picture').naturalWidth - document.getElementById('picture').naturalHeight") == 0);
-	assert_contains(text("return String([...document.querySelectorAll('.chip[aria-pressed=true]')].map(c => c.textContent))"), "Dome");
+	assert_true(number("return document.getElementById('picture').naturalWidth - "
+			   "document.getElementById('picture').naturalHeight") == 0);
+	assert_contains(text("return String([...document.querySelectorAll('.chip[aria-pressed=true]')].map(c => "
+			     "c.textContent))"),
+		"Dome");
 	press("Panorama");
 	press("Sunset");
 	lib_browser_wait(&browser, SHOWN, 30000);
-	assert_true(number("return document.getElementById('picture').naturalWidth / document.getElementById('picture').naturalHeight") == 2);
+	assert_true(number("return document.getElementById('picture').naturalWidth / "
+			   "document.getElementById('picture').naturalHeight") == 2);
 	assert_contains(text("return location.hash"), "image.projection=equirectangular");
 	screenshot("desktop-panorama", false);
 	press("Reset everything");
@@ -215,7 +231,8 @@ static void test_quick_buttons(void **state)
 static void test_address_restores_the_form(void **state)
 {
 	(void)state;
-	open_page("#camera.altitude_m=10000&sun.elevation_deg=2&sun.disk=false&tone.map=aces&time=2026-12-21T02:30:00Z");
+	open_page(
+		"#camera.altitude_m=10000&sun.elevation_deg=2&sun.disk=false&tone.map=aces&time=2026-12-21T02:30:00Z");
 	assert_contains(text("return document.getElementById('f-camera.altitude_m').value"), "10000");
 	assert_contains(text("return document.getElementById('f-tone.map').value"), "aces");
 	assert_contains(text("return document.getElementById('f-time').value"), "2026-12-21T02:30");
@@ -233,12 +250,12 @@ static void test_phone(void **state)
 	screenshot("phone", false);
 	screenshot("phone-whole", true);
 	cJSON_Delete(lib_browser_run(&browser, "document.querySelectorAll('details').forEach(d => { d.open = true; });"
-		"document.querySelectorAll('.more').forEach(b => b.click())"));
+					       "document.querySelectorAll('.more').forEach(b => b.click())"));
 	assert_true(number("return document.documentElement.clientWidth") == 390);
 	assert_true(number("return document.documentElement.scrollWidth") <= 390);
 	/* Nothing reaches beyond the edge but what scrolls by itself. */
 	assert_true(number("return [...document.querySelectorAll('body *')].filter(e => !e.closest('.chiprow') && "
-		"e.getBoundingClientRect().right > 390.5).length") == 0);
+			   "e.getBoundingClientRect().right > 390.5).length") == 0);
 	screenshot("phone-open", true);
 	type_in("sun.elevation_deg", "91");
 	lib_browser_wait(&browser, "document.querySelector('.faulty .fault')?.offsetHeight > 0", 10000);
@@ -282,8 +299,8 @@ static bool start_daemon(const char *self)
 	snprintf(screenshots, sizeof screenshots, "%.4000s/../screenshots", folder);
 	mkdir(screenshots, 0777);
 	const char *given = getenv("WELKIN_BIN");
-	const char *const argv[] = { given ? given : binary, "serve", "--listen", "127.0.0.1:0", "--admin", "127.0.0.1:0",
-		"--device", "software", "--log-level", "warn", NULL };
+	const char *const argv[] = { given ? given : binary, "serve", "--listen", "127.0.0.1:0", "--admin",
+		"127.0.0.1:0", "--device", "software", "--log-level", "warn", NULL };
 	if (!lib_child_start(&daemon_child, argv, "ready: http", 60000))
 		return false;
 	return sscanf(strstr(daemon_child.line, "http"), "%255s", page) == 1;
