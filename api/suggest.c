@@ -42,7 +42,8 @@ void suggest_fault(const char *name, struct welkin_faults *faults)
 		}
 	}
 	if (best >= 0)
-		welkin_fault_add(faults, 422, name, "see /openapi.json", "unknown field; is %s meant?", welkin_fields[best].name);
+		welkin_fault_add(faults, 422, name, "see /openapi.json", "unknown field; is %s meant?",
+			welkin_fields[best].name);
 	else
 		welkin_fault_add(faults, 422, name, "see /openapi.json", "unknown field");
 }

@@ -125,6 +125,7 @@ def main():
             for error in jsonschema.Draft202012Validator(jsonschema.Draft202012Validator.META_SCHEMA).iter_errors(schema):
                 faults.append(f"schema {where}: {error.message}")
         check_operations(document)
+    if not faults:
         check_defaults(document)
         for file_name in sys.argv[1:]:
             check_examples(document, file_name)

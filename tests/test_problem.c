@@ -32,8 +32,8 @@ static void test_every_fault_is_listed(void **state)
 {
 	(void)state;
 	const struct answer a = ask_query("image.width=-1&sun.elevation_deg=91&colour=%22red%22", WELKIN_PNG);
-	cJSON *json = parsed(welkin_problem_json(422, "https://example.org/out-of-range", "Out of range", "3 fields",
-		"/v1/render.png", &a.faults));
+	cJSON *json = parsed(welkin_problem_json(
+		422, "https://example.org/out-of-range", "Out of range", "3 fields", "/v1/render.png", &a.faults));
 	assert_string_equal(string_of(json, "type"), "https://example.org/out-of-range");
 	assert_string_equal(string_of(json, "title"), "Out of range");
 	assert_string_equal(string_of(json, "detail"), "3 fields");
@@ -65,10 +65,12 @@ static void test_what_is_not_given_is_not_written(void **state)
 static void test_hostile_text_is_escaped(void **state)
 {
 	(void)state;
-	cJSON *json = parsed(welkin_problem_json(404, NULL, "\"\\\n\x01\x7F", "caf\xC3\xA9", "/\xFF\xC0\xAF\xE2\x82", NULL));
+	cJSON *json =
+		parsed(welkin_problem_json(404, NULL, "\"\\\n\x01\x7F", "caf\xC3\xA9", "/\xFF\xC0\xAF\xE2\x82", NULL));
 	assert_string_equal(string_of(json, "title"), "\"\\\n\x01\x7F");
 	assert_string_equal(string_of(json, "detail"), "caf\xC3\xA9");
-	assert_string_equal(string_of(json, "instance"), "/\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD");
+	assert_string_equal(
+		string_of(json, "instance"), "/\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD");
 	cJSON_Delete(json);
 }
 

@@ -66,7 +66,8 @@ static void test_presets_are_the_published_numbers(void **state)
 		const struct welkin_request got = resolved(query), wanted = request_of(preset, 0, 30);
 		const struct welkin_atmosphere *a = &got.atmosphere, *b = &wanted.atmosphere;
 		for (int i = 0; i < 3; i++) {
-			assert_true(fabs(a->rayleigh_scattering_per_m[i] / b->rayleigh_scattering_per_m[i] - 1) < 1e-12);
+			assert_true(
+				fabs(a->rayleigh_scattering_per_m[i] / b->rayleigh_scattering_per_m[i] - 1) < 1e-12);
 			assert_true(a->aerosol_scattering_per_m[i] == b->aerosol_scattering_per_m[i]);
 			assert_true(a->aerosol_absorption_per_m[i] == b->aerosol_absorption_per_m[i]);
 			assert_true(got.ground_albedo[i] == wanted.ground_albedo[i]);
@@ -88,7 +89,8 @@ static void test_presets_are_the_published_numbers(void **state)
 static void test_a_given_field_overrides_its_preset(void **state)
 {
 	(void)state;
-	const struct welkin_request r = resolved("atmosphere.aerosol.g=0.5&sun.spectrum=solar&atmosphere.preset=rayleigh&ground.albedo=0.3");
+	const struct welkin_request r =
+		resolved("atmosphere.aerosol.g=0.5&sun.spectrum=solar&atmosphere.preset=rayleigh&ground.albedo=0.3");
 	assert_true(r.atmosphere.aerosol_g == 0.5);
 	assert_int_equal(r.sun.spectrum, WELKIN_SUN_SOLAR);
 	assert_true(r.ground_albedo[0] == 0.3 && r.ground_albedo[2] == 0.3);
@@ -129,8 +131,10 @@ static void test_sizes_by_projection(void **state)
 	};
 	for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
 		const struct welkin_request r = resolved(sizes[i].query);
-		if (r.image.width != sizes[i].width || r.image.height != sizes[i].height || r.camera.fov_deg != sizes[i].fov_deg)
-			fail_msg("%s: %d by %d, %g deg", sizes[i].query, r.image.width, r.image.height, r.camera.fov_deg);
+		if (r.image.width != sizes[i].width || r.image.height != sizes[i].height ||
+			r.camera.fov_deg != sizes[i].fov_deg)
+			fail_msg("%s: %d by %d, %g deg", sizes[i].query, r.image.width, r.image.height,
+				r.camera.fov_deg);
 	}
 }
 
@@ -173,7 +177,8 @@ static void test_sun_and_heading(void **state)
 {
 	(void)state;
 	const struct welkin_request noon = resolved("time=2026-06-21T02:47:00Z"), low = resolved("sun.elevation_deg=2"),
-	                            west = resolved("sun.azimuth_deg=-90"), turned = resolved("sun.azimuth_deg=200&camera.heading_deg=-10");
+				    west = resolved("sun.azimuth_deg=-90"),
+				    turned = resolved("sun.azimuth_deg=200&camera.heading_deg=-10");
 	assert_true(fabs(noon.sun.elevation_deg - (90 - 35.3606 + 23.436)) < 0.02);
 	assert_true(fabs(noon.sun.azimuth_deg - 180) < 1);
 	assert_true(low.sun.elevation_deg == 2 && low.sun.azimuth_deg == resolved("").sun.azimuth_deg);
@@ -272,7 +277,9 @@ static void test_resolving_twice_is_resolving_once(void **state)
 		for (int i = 0; i < welkin_field_count; i++) {
 			const struct welkin_field *f = &welkin_fields[i];
 			const double *v = (const double *)(const void *)((const char *)&once + f->offset);
-			const int count = f->type == WELKIN_TYPE_DOUBLE ? 1 : f->type == WELKIN_TYPE_VEC3 || f->type == WELKIN_TYPE_TRIPLE ? 3 : 0;
+			const int count = f->type == WELKIN_TYPE_DOUBLE                                  ? 1
+					  : f->type == WELKIN_TYPE_VEC3 || f->type == WELKIN_TYPE_TRIPLE ? 3
+													 : 0;
 			for (int k = 0; k < count; k++)
 				if (!isfinite(v[k]) || v[k] < f->min || v[k] > f->max || (v[k] == 0 && signbit(v[k])))
 					fail_msg("%s is %g", f->name, v[k]);
