@@ -69,7 +69,7 @@ static int by_count(const void *a, const void *b)
 static void tree_depths(struct leaf *leaf, int n)
 {
 	uint64_t weight[LITERALS];
-	int leaf_parent[LITERALS], node_parent[LITERALS], level[LITERALS];
+	int leaf_parent[LITERALS] = { 0 }, node_parent[LITERALS] = { 0 }, level[LITERALS];
 	int leaves = 0, nodes = 0;
 	assert(n >= 2);
 	for (int made = 0; made < n - 1; made++) {

@@ -8,9 +8,10 @@
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
+
+#include <cmocka.h>
 
 static struct welkin_bytes encode_with(const struct welkin_file_info *info, const void *pixels)
 {

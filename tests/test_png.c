@@ -9,9 +9,10 @@
 #include <unistd.h>
 #include <zlib.h>
 
-#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
+
+#include <cmocka.h>
 
 struct decoded {
 	int width, height, bits, channels;
