@@ -16,10 +16,10 @@ enum { CONNECTION_MEMORY = 65536, TARGET_MAX = 16384 };
 
 /* ---- the request line ---- */
 
-/* Called with the target as sent, before the library parses arguments. Its parser would choke on
- * more arguments than its memory holds (the client then hears nothing until a timeout), so the
- * arguments are taken here and the '?' in the library's own buffer is made an end of string; any
- * later '?' has to go too, since it searches the whole line. */
+/* Called with the target as sent, after the library found the first '?' and before it parses the
+ * arguments behind it. Its parser would choke on more arguments than its memory holds (the client
+ * then hears nothing until a timeout), so they are taken here, and the library's own buffer, which
+ * this is, ends right after the '?': it sees one empty argument. */
 static void *begin_call(void *cls, const char *target, struct MHD_Connection *mhd)
 {
 	struct http *http = cls;
@@ -40,8 +40,9 @@ static void *begin_call(void *cls, const char *target, struct MHD_Connection *mh
 	char *mark = strchr(path, '?');
 	call->query = strdup(mark ? mark + 1 : "");
 	call->path = strndup(path, mark ? (size_t)(mark - path) : strlen(path));
-	for (char *c = strchr(target, '?'); c; c = strchr(c + 1, '?'))
-		*c = c == mark ? 0 : '.';
+	mark = strchr(target, '?');
+	if (mark)
+		mark[1] = 0;
 	connection_deadline(http->connections, call->connection, http->options->header_deadline_s, true);
 	return call;
 }
