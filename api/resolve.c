@@ -89,11 +89,14 @@ static void check_image(struct work *w, enum welkin_format format, const struct 
 static void resolve_sun(struct work *w)
 {
 	struct welkin_sun *sun = &w->r->sun;
+	const bool elevation = given(w, "sun.elevation_deg"), azimuth = given(w, "sun.azimuth_deg");
+	if (elevation && azimuth)
+		return; /* the ephemeris takes most of the time of a resolve: 50 of 56 µs */
 	double elevation_deg, azimuth_deg;
 	welkin_sun_position(w->r->time_ms, w->r->latitude_deg, w->r->longitude_deg, &elevation_deg, &azimuth_deg);
-	if (!given(w, "sun.elevation_deg"))
+	if (!elevation)
 		sun->elevation_deg = elevation_deg;
-	if (!given(w, "sun.azimuth_deg"))
+	if (!azimuth)
 		sun->azimuth_deg = azimuth_deg;
 }
 
