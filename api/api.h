@@ -34,7 +34,7 @@ struct welkin_field {
 	double min, max;          /* inclusive; of every component; ignored for ENUM, FLAGS, BOOL, TIME */
 	const char *default_text; /* as it would be written in a query; "" where it depends, see help */
 	const char *help;         /* one or two sentences */
-	const char *const *names; /* ENUM, FLAGS: NULL-terminated */
+	const char *const *names; /* ENUM, FLAGS, and INT where only some values are allowed: NULL-terminated */
 	size_t offset;            /* into struct welkin_request */
 };
 
@@ -61,7 +61,8 @@ enum { WELKIN_FAULTS_MAX = 64 };
 
 struct welkin_faults {
 	int n;      /* found, may exceed what is kept */
-	int status; /* HTTP status: 400 malformed, 422 out of range, unknown or contradictory; the lower number wins */
+	int status; /* HTTP status: 400 malformed (not even of the field's type, or given twice), 422 out of range,
+		     * unknown or contradictory; the lower number wins. 503: out of memory */
 	struct welkin_fault list[WELKIN_FAULTS_MAX];
 };
 
