@@ -27,9 +27,10 @@ static int distance(const char *a, const char *b)
 
 void suggest_fault(const char *name, struct welkin_faults *faults)
 {
-	/* Only while it will be kept: a body of many unknown names should not cost much. */
+	/* Only for the first few: a body of many unknown names should not cost much. */
+	enum { SUGGESTIONS = 8 };
 	int best = -1, least = 4;
-	for (int i = 0; i < welkin_field_count && faults->n < WELKIN_FAULTS_MAX; i++) {
+	for (int i = 0; i < welkin_field_count && faults->n < SUGGESTIONS; i++) {
 		const char *full = welkin_fields[i].name;
 		const char *last = strrchr(full, '.');
 		/* "sun.elevation" for sun.elevation_deg, "elevation_deg" for the same */
