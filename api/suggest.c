@@ -37,7 +37,7 @@ void suggest_fault(const char *name, struct welkin_faults *faults)
 		const size_t length = strlen(name);
 		const bool begins = length > 3 && !strncmp(full, name, length) && full[length] == '_';
 		const int d = begins || (last && !strcmp(last + 1, name)) ? 1 : distance(name, full);
-		if (d < least && d < (int)length) {
+		if (d < least && d <= (int)length / 3) {
 			least = d;
 			best = i;
 		}
