@@ -85,8 +85,8 @@ static bool is_token(const char *name, size_t size)
 	return size > 0;
 }
 
-static enum MHD_Result check_header(void *cls, enum MHD_ValueKind kind, const char *name, size_t name_size, const char *value,
-	size_t value_size)
+static enum MHD_Result check_header(
+	void *cls, enum MHD_ValueKind kind, const char *name, size_t name_size, const char *value, size_t value_size)
 {
 	struct header_check *check = cls;
 	(void)kind;
@@ -180,7 +180,8 @@ static int early_status(const struct call *call, const char **detail)
 		*detail = "This resource does not have that method.";
 		return 405;
 	}
-	if (call->verb == VERB_POST && (!media_type_is(type, "application/json") || (coding && strcasecmp(coding, "identity")))) {
+	if (call->verb == VERB_POST &&
+		(!media_type_is(type, "application/json") || (coding && strcasecmp(coding, "identity")))) {
 		*detail = "The body must be application/json, without a content coding.";
 		return 415;
 	}
@@ -241,8 +242,8 @@ static enum MHD_Result answer(struct call *call)
 	return call->resource->answer(call);
 }
 
-static enum MHD_Result handle(void *cls, struct MHD_Connection *mhd, const char *url, const char *method, const char *version,
-	const char *data, size_t *size, void **context)
+static enum MHD_Result handle(void *cls, struct MHD_Connection *mhd, const char *url, const char *method,
+	const char *version, const char *data, size_t *size, void **context)
 {
 	struct call *call = *context;
 	(void)cls;
@@ -292,7 +293,8 @@ const char *call_header(const struct call *call, const char *name)
 
 /* ---- the daemon ---- */
 
-static void notify_connection(void *cls, struct MHD_Connection *mhd, void **context, enum MHD_ConnectionNotificationCode code)
+static void notify_connection(
+	void *cls, struct MHD_Connection *mhd, void **context, enum MHD_ConnectionNotificationCode code)
 {
 	struct http *http = cls;
 	if (code == MHD_CONNECTION_NOTIFY_STARTED)
@@ -309,8 +311,8 @@ static void library_log(void *cls, const char *format, va_list args)
 	log_event(LEVEL_DEBUG, "microhttpd", "message=\"%s\"", line);
 }
 
-struct http *http_start(const struct options *options, struct service *service, struct documents *documents, int listen_fd,
-	struct error *err)
+struct http *http_start(const struct options *options, struct service *service, struct documents *documents,
+	int listen_fd, struct error *err)
 {
 	struct http *http = calloc(1, sizeof *http);
 	if (!http) {
@@ -325,15 +327,12 @@ struct http *http_start(const struct options *options, struct service *service, 
 	http->connections = connections_start(service, err);
 	if (http->connections) {
 		const unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_SUSPEND_RESUME | MHD_USE_ERROR_LOG;
-		http->daemon = MHD_start_daemon(flags, 0, NULL, NULL, handle, http,
-			MHD_OPTION_EXTERNAL_LOGGER, library_log, NULL,
-			MHD_OPTION_LISTEN_SOCKET, listen_fd,
-			MHD_OPTION_CONNECTION_LIMIT, (unsigned)options->max_connections,
-			MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)CONNECTION_MEMORY,
-			MHD_OPTION_URI_LOG_CALLBACK, begin_call, http,
-			MHD_OPTION_NOTIFY_COMPLETED, end_call, http,
-			MHD_OPTION_NOTIFY_CONNECTION, notify_connection, http,
-			MHD_OPTION_END);
+		http->daemon = MHD_start_daemon(flags, 0, NULL, NULL, handle, http, MHD_OPTION_EXTERNAL_LOGGER,
+			library_log, NULL, MHD_OPTION_LISTEN_SOCKET, listen_fd, MHD_OPTION_CONNECTION_LIMIT,
+			(unsigned)options->max_connections, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+			(size_t)CONNECTION_MEMORY, MHD_OPTION_URI_LOG_CALLBACK, begin_call, http,
+			MHD_OPTION_NOTIFY_COMPLETED, end_call, http, MHD_OPTION_NOTIFY_CONNECTION, notify_connection,
+			http, MHD_OPTION_END);
 		if (http->daemon)
 			return http;
 		error_set(err, "the HTTP library did not start: %s", strerror(errno));

@@ -60,7 +60,8 @@ static void paint(const struct welkin_job *job, int memfd)
 	} else {
 		const unsigned tint = (unsigned)(int)(job->request.sun.elevation_deg * 16) + job->request.seed;
 		for (size_t i = 0; i < size; i++)
-			at[i] = (unsigned char)((i / 64 + tint) & 0x3f); /* small enough to be finite as a half or a float, too */
+			at[i] = (unsigned char)((i / 64 + tint) &
+						0x3f); /* small enough to be finite as a half or a float, too */
 	}
 	munmap(at, size);
 }

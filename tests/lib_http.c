@@ -19,9 +19,9 @@
 #include <time.h>
 #include <unistd.h>
 
+#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
-#include <cmocka.h>
 
 void sleep_ms(int ms)
 {
@@ -120,8 +120,8 @@ struct daemon_process *daemon_start(bool fake, const char *const options[])
 	assert_true(slot < sizeof running / sizeof *running);
 	struct daemon_process *d = &running[slot];
 	char self[PATH_MAX], line[1024];
-	const char *arguments[64] = { daemon_binary(), "serve", "--listen", "127.0.0.1:0", "--admin", "127.0.0.1:0", "--log-level",
-		getenv("WELKIN_TEST_LOG") ? getenv("WELKIN_TEST_LOG") : "error" };
+	const char *arguments[64] = { daemon_binary(), "serve", "--listen", "127.0.0.1:0", "--admin", "127.0.0.1:0",
+		"--log-level", getenv("WELKIN_TEST_LOG") ? getenv("WELKIN_TEST_LOG") : "error" };
 	int n = 8, out[2];
 	own_path(self);
 	if (fake) {
@@ -240,7 +240,8 @@ static char *or_empty(char *text)
 	return text ? text : calloc(1, 1);
 }
 
-struct http_reply ask(const char *method, const char *base, const char *path, const char *const headers[], const char *body)
+struct http_reply ask(
+	const char *method, const char *base, const char *path, const char *const headers[], const char *body)
 {
 	struct http_reply reply = { 0 };
 	struct growing head = { 0 }, content = { 0 };
@@ -297,7 +298,8 @@ const char *header_of(const struct http_reply *reply, const char *name)
 {
 	static _Thread_local char value[8192];
 	const size_t n = strlen(name);
-	for (const char *line = reply->headers; line && *line; line = strchr(line, '\n') ? strchr(line, '\n') + 1 : NULL)
+	for (const char *line = reply->headers; line && *line;
+		line = strchr(line, '\n') ? strchr(line, '\n') + 1 : NULL)
 		if (!strncasecmp(line, name, n) && line[n] == ':') {
 			const char *start = line + n + 1 + strspn(line + n + 1, " \t");
 			snprintf(value, sizeof value, "%.*s", (int)strcspn(start, "\r\n"), start);
@@ -353,9 +355,9 @@ double timing_sum(const char *server_timing, double *total, double *least)
 
 int raw_connect(int port)
 {
-	const struct sockaddr_in address = { .sin_family = AF_INET,
-		.sin_port = htons((uint16_t)port),
-		.sin_addr.s_addr = htonl(INADDR_LOOPBACK) };
+	const struct sockaddr_in address = {
+		.sin_family = AF_INET, .sin_port = htons((uint16_t)port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)
+	};
 	const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
 	assert_true(fd >= 0);
 	assert_int_equal(connect(fd, (const struct sockaddr *)&address, sizeof address), 0);

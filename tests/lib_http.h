@@ -26,7 +26,8 @@ pid_t daemon_renderer(const struct daemon_process *daemon); /* its living child,
 int daemon_zombies(const struct daemon_process *daemon);    /* children that died and were not reaped */
 const char *daemon_binary(void);
 
-/* Runs the binary with these arguments; its output (stdout, then stderr) in malloc'd *output. Returns its exit status. */
+/* Runs the binary with these arguments; its output (stdout, then stderr) in malloc'd *output. Returns its exit status.
+ */
 int daemon_run(const char *const arguments[], char **output);
 
 /* ---- libcurl ---- */
@@ -40,7 +41,8 @@ struct http_reply {
 };
 
 /* headers: NULL-terminated "Name: value" lines, may be NULL. body NULL: none. */
-struct http_reply ask(const char *method, const char *base, const char *path, const char *const headers[], const char *body);
+struct http_reply ask(
+	const char *method, const char *base, const char *path, const char *const headers[], const char *body);
 struct http_reply get(const char *base, const char *path);
 void reply_finish(struct http_reply *reply);
 /* Value of the first such header in a static buffer (of this thread), or NULL. */

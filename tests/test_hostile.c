@@ -9,10 +9,10 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdint.h>
-#include <cmocka.h>
 
 static struct daemon_process *server;
 
@@ -23,8 +23,8 @@ static int start(void **state)
 {
 	(void)state;
 	server = daemon_start(true,
-		(const char *const[]){ "--header-deadline-s", "1", "--body-deadline-s", "1.5", "--idle-deadline-s", "2", "--max-body-kib",
-			"64", "--in-flight", "1", "--queue", "3", NULL });
+		(const char *const[]){ "--header-deadline-s", "1", "--body-deadline-s", "1.5", "--idle-deadline-s", "2",
+			"--max-body-kib", "64", "--in-flight", "1", "--queue", "3", NULL });
 	return 0;
 }
 
@@ -79,20 +79,30 @@ static void smuggling_is_refused(void **state)
 {
 	(void)state;
 #define INNER "GET /version HTTP/1.1\r\n" HOST "\r\n"
-	expect_status_and_close("POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 4\r\nTransfer-Encoding: chunked\r\n\r\n"
-	                        "0\r\n\r\n" INNER, 400);
-	expect_status_and_close("POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 2\r\nContent-Length: 40\r\n\r\n{}" INNER, 400);
-	expect_status_and_close("POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 2\r\nContent-Length: 2\r\n\r\n{}" INNER, 400);
+	expect_status_and_close("POST /v1/render HTTP/1.1\r\n" HOST TYPE
+				"Content-Length: 4\r\nTransfer-Encoding: chunked\r\n\r\n"
+				"0\r\n\r\n" INNER,
+		400);
+	expect_status_and_close("POST /v1/render HTTP/1.1\r\n" HOST TYPE
+				"Content-Length: 2\r\nContent-Length: 40\r\n\r\n{}" INNER,
+		400);
+	expect_status_and_close(
+		"POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 2\r\nContent-Length: 2\r\n\r\n{}" INNER, 400);
 	expect_status_and_close("POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length : 2\r\n\r\n{}" INNER, 400);
 	expect_status_and_close("GET /version HTTP/1.1\r\n" HOST "Content-Length : 60\r\n\r\n" INNER, 400);
-	expect_status_and_close("POST /v1/render HTTP/1.1\r\n" HOST TYPE "Transfer-Encoding: chunked, identity\r\n\r\n0\r\n\r\n" INNER, 400);
+	expect_status_and_close("POST /v1/render HTTP/1.1\r\n" HOST TYPE
+				"Transfer-Encoding: chunked, identity\r\n\r\n0\r\n\r\n" INNER,
+		400);
 	expect_status_and_close("GET /version HTTP/1.1\r\n" HOST HOST "\r\n" INNER, 400);
 	expect_status_and_close("GET /version HTTP/1.1\r\nX[]: 1\r\n" HOST "\r\n" INNER, 400);
 	/* Numbers that the library refuses by itself. */
-	char *reply = raw_ask(server->port, "POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: +2\r\n\r\n{}" INNER, 3, NULL);
+	char *reply = raw_ask(
+		server->port, "POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: +2\r\n\r\n{}" INNER, 3, NULL);
 	assert_null(strstr(reply, "200 OK"));
 	free(reply);
-	reply = raw_ask(server->port, "POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 99999999999999999999\r\n\r\n{}" INNER, 3, NULL);
+	reply = raw_ask(server->port,
+		"POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 99999999999999999999\r\n\r\n{}" INNER, 3,
+		NULL);
 	assert_null(strstr(reply, "200 OK"));
 	free(reply);
 }
@@ -127,8 +137,12 @@ static void slow_headers_end(void **state)
 static void slow_bodies_end(void **state)
 {
 	(void)state;
-	assert_in_range((int)(10 * trickle("POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 1000\r\n\r\n", " ", 1)), 13, 25);
-	assert_in_range((int)(10 * trickle("POST /v1/render HTTP/1.1\r\n" HOST TYPE "Transfer-Encoding: chunked\r\n\r\n", "1\r\n \r\n", 6)),
+	assert_in_range(
+		(int)(10 * trickle("POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 1000\r\n\r\n", " ", 1)),
+		13, 25);
+	assert_in_range(
+		(int)(10 * trickle("POST /v1/render HTTP/1.1\r\n" HOST TYPE "Transfer-Encoding: chunked\r\n\r\n",
+				   "1\r\n \r\n", 6)),
 		13, 25);
 }
 
@@ -203,13 +217,16 @@ static void large_bodies_are_refused(void **state)
 	(void)state;
 	/* Announced: at once, also before the 100 Continue that would invite it. */
 	expect_status_and_close("POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 100000000\r\n\r\n", 413);
-	expect_status_and_close("POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 100000000\r\nExpect: 100-continue\r\n\r\n", 413);
+	expect_status_and_close("POST /v1/render HTTP/1.1\r\n" HOST TYPE
+				"Content-Length: 100000000\r\nExpect: 100-continue\r\n\r\n",
+		413);
 	expect_status_and_close("GET /version HTTP/1.1\r\n" HOST "Content-Length: 100000000\r\n\r\n", 413);
 	/* Not announced: a little too much gets its 413, far too much the door. */
 	for (int kib = 100; kib <= 1000; kib += 900) {
 		bool closed;
 		const int fd = raw_connect(server->port);
-		raw_send(fd, "POST /v1/render HTTP/1.1\r\n" HOST TYPE "Transfer-Encoding: chunked\r\nConnection: close\r\n\r\n");
+		raw_send(fd, "POST /v1/render HTTP/1.1\r\n" HOST TYPE
+			     "Transfer-Encoding: chunked\r\nConnection: close\r\n\r\n");
 		char chunk[1024 + 8] = "400\r\n";
 		memset(chunk + 5, ' ', 1024);
 		memcpy(chunk + 5 + 1024, "\r\n", 2);
@@ -231,7 +248,8 @@ static void expect_continue_works(void **state)
 {
 	(void)state;
 	const int fd = raw_connect(server->port);
-	raw_send(fd, "POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 35\r\nExpect: 100-continue\r\nConnection: close\r\n\r\n");
+	raw_send(fd, "POST /v1/render HTTP/1.1\r\n" HOST TYPE
+		     "Content-Length: 35\r\nExpect: 100-continue\r\nConnection: close\r\n\r\n");
 	char *first = raw_read(fd, 0.3, NULL);
 	assert_int_equal(strncmp(first, "HTTP/1.1 100 ", 13), 0);
 	raw_send(fd, "{\"image\":{\"width\":8 , \"height\":8 }}");
@@ -244,11 +262,13 @@ static void expect_continue_works(void **state)
 
 static void garbage_is_refused(void **state)
 {
-	static const char *const garbage[] = { "\r\n\r\n\r\n\r\n", "\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", "GET\r\n\r\n", "GET /\r\n\r\n",
-		"GET / HTTP/9.9\r\n" HOST "\r\n", "\x80\x81\x82 / HTTP/1.1\r\n" HOST "\r\n", "GET / HTTP/1.1\r\n : x\r\n\r\n",
+	static const char *const garbage[] = { "\r\n\r\n\r\n\r\n", "\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
+		"GET\r\n\r\n", "GET /\r\n\r\n", "GET / HTTP/9.9\r\n" HOST "\r\n",
+		"\x80\x81\x82 / HTTP/1.1\r\n" HOST "\r\n", "GET / HTTP/1.1\r\n : x\r\n\r\n",
 		"GET /%00%ff%zz?%=%&&=%f HTTP/1.1\r\n" HOST "\r\n", "GET /../../etc/passwd HTTP/1.1\r\n" HOST "\r\n",
-		"GET /v1/render.png?%00=%00 HTTP/1.1\r\n" HOST "\r\n", "POST /v1/render HTTP/1.1\r\n" HOST TYPE
-		"Transfer-Encoding: chunked\r\n\r\nzz\r\n{}\r\n0\r\n\r\n", "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" };
+		"GET /v1/render.png?%00=%00 HTTP/1.1\r\n" HOST "\r\n",
+		"POST /v1/render HTTP/1.1\r\n" HOST TYPE "Transfer-Encoding: chunked\r\n\r\nzz\r\n{}\r\n0\r\n\r\n",
+		"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" };
 	(void)state;
 	for (size_t i = 0; i < sizeof garbage / sizeof *garbage; i++) {
 		char *reply = raw_ask(server->port, garbage[i], 0.3, NULL);
@@ -272,22 +292,25 @@ static void absolute_form_and_star_work(void **state)
 	(void)state;
 	expect_status("GET http://example.org/version HTTP/1.1\r\n" HOST "Connection: close\r\n\r\n", 200);
 	expect_status("GET http://example.org HTTP/1.1\r\n" HOST "Connection: close\r\n\r\n", 200);
-	expect_status("GET http://example.org/v1/render.png?image.width=8&image.height=8 HTTP/1.1\r\n" HOST "Connection: close\r\n\r\n", 200);
+	expect_status("GET http://example.org/v1/render.png?image.width=8&image.height=8 HTTP/1.1\r\n" HOST
+		      "Connection: close\r\n\r\n",
+		200);
 	expect_status("OPTIONS * HTTP/1.1\r\n" HOST "Connection: close\r\n\r\n", 204);
 	expect_status("GET /version HTTP/1.1\r\nConnection: close\r\n\r\n", 400); /* no Host */
 }
 
 static void half_requests_do_no_harm(void **state)
 {
-	static const char *const halves[] = { "GE", "GET /v1/render.png?", "GET / HTTP/1.1\r\nHos", "POST /v1/render HTTP/1.1\r\n" HOST TYPE
-		"Content-Length: 50\r\n\r\n{\"ima" };
+	static const char *const halves[] = { "GE", "GET /v1/render.png?", "GET / HTTP/1.1\r\nHos",
+		"POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 50\r\n\r\n{\"ima" };
 	(void)state;
 	for (int round = 0; round < 20; round++)
 		for (size_t i = 0; i < sizeof halves / sizeof *halves; i++) {
 			const int fd = raw_connect(server->port);
 			raw_send(fd, halves[i]);
 			if (round & 1)
-				setsockopt(fd, SOL_SOCKET, SO_LINGER, &(struct linger){ 1, 0 }, sizeof(struct linger)); /* RST */
+				setsockopt(fd, SOL_SOCKET, SO_LINGER, &(struct linger){ 1, 0 },
+					sizeof(struct linger)); /* RST */
 			close(fd);
 		}
 }
@@ -299,13 +322,15 @@ static void pipelined_requests_are_answered_in_order(void **state)
 		"GET /v1/render.png?image.width=9&image.height=8 HTTP/1.1\r\n" HOST "\r\n"
 		"GET /v1/nothing HTTP/1.1\r\n" HOST "\r\n"
 		"POST /v1/render HTTP/1.1\r\n" HOST TYPE "Content-Length: 2\r\n\r\n[]"
-		"GET /version HTTP/1.1\r\n" HOST "Connection: close\r\n\r\n", 2, NULL);
+		"GET /version HTTP/1.1\r\n" HOST "Connection: close\r\n\r\n",
+		2, NULL);
 	/* The 404 is decided by the headers, so that connection ends with it; what came before it is answered. */
 	assert_int_equal(strncmp(reply, "HTTP/1.1 200 ", 13), 0);
 	free(reply);
 	const int fd = raw_connect(server->port);
-	raw_send(fd, "GET /version HTTP/1.1\r\n" HOST "\r\nPOST /v1/radiance HTTP/1.1\r\n" HOST TYPE "Content-Length: 2\r\n\r\n[]"
-	             "GET /v1/presets HTTP/1.1\r\n" HOST "Connection: close\r\n\r\n");
+	raw_send(fd, "GET /version HTTP/1.1\r\n" HOST "\r\nPOST /v1/radiance HTTP/1.1\r\n" HOST TYPE
+		     "Content-Length: 2\r\n\r\n[]"
+		     "GET /v1/presets HTTP/1.1\r\n" HOST "Connection: close\r\n\r\n");
 	reply = raw_read(fd, 2, NULL);
 	const char *one = strstr(reply, "HTTP/1.1 200 "), *two = one ? strstr(one + 1, "HTTP/1.1 4") : NULL;
 	assert_non_null(two);
@@ -318,7 +343,8 @@ static int send_render(int slow_ms, int tag)
 {
 	char request[256];
 	const int fd = raw_connect(server->port);
-	snprintf(request, sizeof request, "GET /v1/render.png?image.width=8&image.height=8&seed=%d&sun.elevation_deg=%d HTTP/1.1\r\n" HOST "\r\n",
+	snprintf(request, sizeof request,
+		"GET /v1/render.png?image.width=8&image.height=8&seed=%d&sun.elevation_deg=%d HTTP/1.1\r\n" HOST "\r\n",
 		FAKE_SLOW + slow_ms, tag);
 	raw_send(fd, request);
 	return fd;
@@ -376,7 +402,8 @@ static void a_full_queue_says_when_to_come_back(void **state)
 	reply_finish(&r);
 	for (int i = 0; i < 4; i++)
 		close(fds[i]);
-	for (int i = 0; i < 200 && metric(server, "welkin_queue_depth") + metric(server, "welkin_renders_in_flight") > 0; i++)
+	for (int i = 0;
+		i < 200 && metric(server, "welkin_queue_depth") + metric(server, "welkin_renders_in_flight") > 0; i++)
 		sleep_ms(10);
 }
 

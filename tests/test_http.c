@@ -8,10 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdint.h>
-#include <cmocka.h>
 
 static struct daemon_process *server;
 
@@ -89,7 +89,8 @@ static void get_and_post_give_the_same_bytes(void **state)
 static void renders_again_to_the_same_bytes(void **state)
 {
 	(void)state;
-	struct daemon_process *other = daemon_start(false, (const char *const[]){ "--device", "software", "--cache-mib", "0", NULL });
+	struct daemon_process *other =
+		daemon_start(false, (const char *const[]){ "--device", "software", "--cache-mib", "0", NULL });
 	static const char path[] = "/v1/render.png?image.width=96&image.height=64&sun.elevation_deg=3";
 	struct http_reply a = fetch(path, 200), b = get(other->url, path), c = get(other->url, path);
 	expect_same_bytes(&a, &b);
@@ -133,7 +134,8 @@ static void negotiates(void **state)
 	(void)state;
 	for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
 		const char *const headers[] = { json[0], cases[i].accept, NULL };
-		struct http_reply r = post("/v1/render", headers, "{\"image\":{\"width\":8,\"height\":8}}", cases[i].status);
+		struct http_reply r =
+			post("/v1/render", headers, "{\"image\":{\"width\":8,\"height\":8}}", cases[i].status);
 		if (strncmp(header_of(&r, "Content-Type"), cases[i].type, strlen(cases[i].type)))
 			fail_msg("%s: %s", cases[i].accept, header_of(&r, "Content-Type"));
 		reply_finish(&r);
@@ -165,7 +167,8 @@ static void multipart_has_metadata_then_image(void **state)
 {
 	size_t size;
 	(void)state;
-	struct http_reply r = post("/v1/render", json_mixed, "{\"image\":{\"width\":32,\"height\":16},\"seed\":5}", 200);
+	struct http_reply r =
+		post("/v1/render", json_mixed, "{\"image\":{\"width\":32,\"height\":16},\"seed\":5}", 200);
 	struct http_reply image = fetch("/v1/render.png?image.width=32&image.height=16&seed=5", 200);
 	const char *at = part_of(&r, 0, &size);
 	cJSON *meta = cJSON_ParseWithLength(at, size);
@@ -248,7 +251,8 @@ static void timings_add_up(void **state)
 		struct http_reply r = fetch(paths[i], 200);
 		const double sum = timing_sum(header_of(&r, "Server-Timing"), &total, &least);
 		if (!(least > 0 && fabs(sum - total) <= 0.05 * total && total <= r.seconds * 1e3 + 1))
-			fail_msg("sum %g least %g seen %g ms: %s", sum, least, r.seconds * 1e3, header_of(&r, "Server-Timing"));
+			fail_msg("sum %g least %g seen %g ms: %s", sum, least, r.seconds * 1e3,
+				header_of(&r, "Server-Timing"));
 		if (i < 3)
 			assert_non_null(strstr(header_of(&r, "Server-Timing"), "encode;dur="));
 		reply_finish(&r);
@@ -314,8 +318,8 @@ static void expect_problem(struct http_reply *r, int status, const char *const f
 	for (int i = 0; fields && fields[i]; i++) {
 		bool listed = false;
 		cJSON *fault;
-		cJSON_ArrayForEach(fault, cJSON_GetObjectItem(problem, "errors"))
-			listed |= !strcmp(cJSON_GetObjectItem(fault, "field")->valuestring, fields[i]);
+		cJSON_ArrayForEach(fault, cJSON_GetObjectItem(problem, "errors")) listed |=
+			!strcmp(cJSON_GetObjectItem(fault, "field")->valuestring, fields[i]);
 		if (!listed)
 			fail_msg("%s is not in %s", fields[i], r->body);
 	}
@@ -327,9 +331,11 @@ static void problems_list_every_fault(void **state)
 {
 	static const char *const fields[] = { "sun.elevation_deg", "image.width", "nonsense", "camera.fov_deg", NULL };
 	(void)state;
-	struct http_reply a = fetch("/v1/render.png?sun.elevation_deg=91&image.width=-3&nonsense=1&camera.fov_deg=0", 422);
+	struct http_reply a =
+		fetch("/v1/render.png?sun.elevation_deg=91&image.width=-3&nonsense=1&camera.fov_deg=0", 422);
 	struct http_reply b = post("/v1/render", json,
-		"{\"sun\":{\"elevation_deg\":91},\"image\":{\"width\":-3},\"nonsense\":1,\"camera\":{\"fov_deg\":0}}", 422);
+		"{\"sun\":{\"elevation_deg\":91},\"image\":{\"width\":-3},\"nonsense\":1,\"camera\":{\"fov_deg\":0}}",
+		422);
 	expect_problem(&a, 422, fields);
 	expect_problem(&b, 422, fields);
 	a = post("/v1/render", json, "{\"sun\":", 400);
@@ -392,8 +398,8 @@ static void documents_are_served(void **state)
 	static const struct {
 		const char *path, *type;
 	} documents[] = { { "/v1/methods", "application/json" }, { "/v1/presets", "application/json" },
-		{ "/openapi.json", "application/json" }, { "/version", "application/json" }, { "/", "text/html; charset=utf-8" },
-		{ "/favicon.ico", "image/svg+xml" } };
+		{ "/openapi.json", "application/json" }, { "/version", "application/json" },
+		{ "/", "text/html; charset=utf-8" }, { "/favicon.ico", "image/svg+xml" } };
 	(void)state;
 	for (size_t i = 0; i < sizeof documents / sizeof *documents; i++) {
 		char condition[96];
@@ -407,8 +413,8 @@ static void documents_are_served(void **state)
 		}
 		if (header_of(&r, "ETag")) {
 			snprintf(condition, sizeof condition, "If-None-Match: %s", header_of(&r, "ETag"));
-			struct http_reply same =
-				ask("GET", server->url, documents[i].path, (const char *const[]){ condition, NULL }, NULL);
+			struct http_reply same = ask(
+				"GET", server->url, documents[i].path, (const char *const[]){ condition, NULL }, NULL);
 			assert_int_equal(same.status, 304);
 			reply_finish(&same);
 		} else {
@@ -442,7 +448,8 @@ static void methods_tell_fields_and_domain(void **state)
 		{
 			/* Every field named by a method is one of the table. */
 			if (!cJSON_GetObjectItem(field, "type"))
-				fail_msg("%s has no such field: %s", cJSON_GetObjectItem(method, "name")->valuestring, cJSON_PrintUnformatted(field));
+				fail_msg("%s has no such field: %s", cJSON_GetObjectItem(method, "name")->valuestring,
+					cJSON_PrintUnformatted(field));
 		}
 	}
 	cJSON_Delete(root);
@@ -460,9 +467,10 @@ static void outside_a_domain_another_method_is_named(void **state)
 
 static void radiance_answers_in_numbers(void **state)
 {
-	static const char body[] = "{\"sun\":{\"elevation_deg\":40,\"azimuth_deg\":180},\"wavelengths_nm\":[450,550,650],"
-	                           "\"directions\":[{\"elevation_deg\":60,\"azimuth_deg\":0},{\"zenith_deg\":80,\"azimuth_deg\":90}],"
-	                           "\"atmosphere\":{\"method\":\"%s\"}}";
+	static const char body[] =
+		"{\"sun\":{\"elevation_deg\":40,\"azimuth_deg\":180},\"wavelengths_nm\":[450,550,650],"
+		"\"directions\":[{\"elevation_deg\":60,\"azimuth_deg\":0},{\"zenith_deg\":80,\"azimuth_deg\":90}],"
+		"\"atmosphere\":{\"method\":\"%s\"}}";
 	static const char *const methods[] = { "depth_table", "march", "preetham", "gradient" };
 	(void)state;
 	for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {

@@ -7,10 +7,10 @@
 #include <string.h>
 #include <unistd.h>
 
+#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdint.h>
-#include <cmocka.h>
 
 static struct error err;
 
@@ -109,9 +109,10 @@ static void mistakes_in_a_file_name_the_line(void **state)
 {
 	static const struct {
 		const char *text, *expected;
-	} files[] = { { "queue = 5\nqeue = 6\n", "line 2: unknown option \"qeue\"" }, { "queue = x\n", "line 1: queue: \"x\"" },
-		{ "queue = 5\n\n[other]\nqueue = 6\n", "unknown section [other]" }, { "what is this\n", "line 1: not NAME = VALUE" },
-		{ "config = x\n", "unknown option \"config\"" } };
+	} files[] = { { "queue = 5\nqeue = 6\n", "line 2: unknown option \"qeue\"" },
+		{ "queue = x\n", "line 1: queue: \"x\"" },
+		{ "queue = 5\n\n[other]\nqueue = 6\n", "unknown section [other]" },
+		{ "what is this\n", "line 1: not NAME = VALUE" }, { "config = x\n", "unknown option \"config\"" } };
 	(void)state;
 	for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
 		char path[64];
@@ -137,7 +138,8 @@ static void expect_run(const char *const arguments[], int status, const char *ex
 	free(output);
 }
 
-#define RUN(status, expected, lines, ...) expect_run((const char *const[]){ __VA_ARGS__, NULL }, status, expected, lines)
+#define RUN(status, expected, lines, ...)                                                                              \
+	expect_run((const char *const[]){ __VA_ARGS__, NULL }, status, expected, lines)
 
 static void exit_status_tells(void **state)
 {
@@ -167,8 +169,8 @@ static void print_config_names_origins(void **state)
 	unlink(path);
 	static const struct {
 		const char *name, *value, *origin;
-	} rows[] = { { "queue", "77", "file" }, { "device", "software", "environment" }, { "cache-mib", "5", "command line" },
-		{ "listen", "127.0.0.1:8080", "default" } };
+	} rows[] = { { "queue", "77", "file" }, { "device", "software", "environment" },
+		{ "cache-mib", "5", "command line" }, { "listen", "127.0.0.1:8080", "default" } };
 	for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
 		char start[64];
 		snprintf(start, sizeof start, "\n%-18s = %s ", rows[i].name, rows[i].value);

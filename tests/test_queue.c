@@ -3,10 +3,10 @@
 
 #include <stddef.h>
 
+#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdint.h>
-#include <cmocka.h>
 
 enum { MANY = 64 };
 
