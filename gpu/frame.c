@@ -32,8 +32,9 @@ static const char *find_fault(const struct welkin_job *job)
 	if (welkin_job_bytes(job) == 0)
 		return "sizes out of range";
 	if (!in_range(image->format, WELKIN_EXR) || !in_range(image->projection, WELKIN_CUBEMAP) ||
-	    !in_range(image->cube_face, WELKIN_DOWN) || !in_range(r->tone_map, WELKIN_TONE_NONE) ||
-	    !in_range(r->exposure_mode, WELKIN_EXPOSURE_PUPIL) || !in_range(r->atmosphere.spectrum, WELKIN_SPECTRUM_4))
+		!in_range(image->cube_face, WELKIN_DOWN) || !in_range(r->tone_map, WELKIN_TONE_NONE) ||
+		!in_range(r->exposure_mode, WELKIN_EXPOSURE_PUPIL) ||
+		!in_range(r->atmosphere.spectrum, WELKIN_SPECTRUM_4))
 		return "a choice that does not exist";
 	return NULL;
 }
@@ -56,8 +57,7 @@ static void prepare(struct frame *f)
 {
 	const struct welkin_job *job = &f->job;
 	if (job->kind == WELKIN_JOB_RADIANCE) {
-		const struct welkin_radiance_layout at =
-			welkin_radiance_layout(job->n_directions, job->n_wavelengths);
+		const struct welkin_radiance_layout at = welkin_radiance_layout(job->n_directions, job->n_wavelengths);
 		scene_prepare(&f->scene, &job->request, (const double *)(const void *)f->map + at.wavelengths,
 			job->n_wavelengths);
 		f->stage = FRAME_DIRECTIONS;

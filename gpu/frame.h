@@ -22,15 +22,15 @@ struct frame {
 	const struct method *method;
 	const struct program *rays, *sky, *disk, *output; /* disk, output: chosen when the strips begin */
 	enum frame_stage stage;
-	struct strips strips;  /* METER, STRIPS */
-	int batch, direction;  /* DIRECTIONS: what comes next */
-	float (*samples)[4];   /* METER: as exposure_metered() takes them */
-	int sun_box[4];        /* STRIPS: pixels that the disk may touch; empty without one */
-	float white[4];        /* what a transmittance of 1 adds up to: linear Rec.709, luminance */
-	unsigned char *map;    /* the memfd */
+	struct strips strips; /* METER, STRIPS */
+	int batch, direction; /* DIRECTIONS: what comes next */
+	float (*samples)[4];  /* METER: as exposure_metered() takes them */
+	int sun_box[4];       /* STRIPS: pixels that the disk may touch; empty without one */
+	float white[4];       /* what a transmittance of 1 adds up to: linear Rec.709, luminance */
+	unsigned char *map;   /* the memfd */
 	size_t map_size;
-	double started_ms;     /* clock_ms() */
-	double waits;          /* slices that others got since its last; the renderer's */
+	double started_ms; /* clock_ms() */
+	double waits;      /* slices that others got since its last; the renderer's */
 	int tables_noted;
 	struct scene scene;
 	struct plan plan;

@@ -12,9 +12,9 @@ struct programs *programs_create(const char *shader_dir);
 void programs_destroy(struct programs *programs);
 
 struct program {
-	char name[64];    /* with its choices */
+	char name[64]; /* with its choices */
 	unsigned id;
-	int group[3]; /* local size */
+	int group[3];                                             /* local size */
 	bool has_tile, has_batch, has_planes, has_white, has_box; /* which plain uniforms of shared.h it uses */
 };
 

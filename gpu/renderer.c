@@ -202,8 +202,8 @@ static bool serve(struct renderer *r, struct error *err)
 
 static bool start(struct renderer *r, const struct welkin_renderer_config *config, struct error *err)
 {
-	if (!device_open(&r->device, config->device, err) ||
-	    !workspace_init(&r->ws, &r->device, config->shader_dir, config->slice_ms, config->table_budget_mib, err))
+	if (!device_open(&r->device, config->device, err) || !workspace_init(&r->ws, &r->device, config->shader_dir,
+								     config->slice_ms, config->table_budget_mib, err))
 		return false;
 	const double start_ms = clock_ms();
 	if (config->warmup && !warm_up(&r->ws, err))

@@ -21,8 +21,8 @@ struct frame_tables {
 	struct passes *passes;
 	struct programs *programs;
 	double budget_bytes;
-	uint64_t clock;    /* counts needs */
-	uint64_t pinned;   /* tables used since then are in use by the slice in hand */
+	uint64_t clock;  /* counts needs */
+	uint64_t pinned; /* tables used since then are in use by the slice in hand */
 	struct table list[TABLES_MAX];
 	struct tables_report report;
 };
@@ -149,8 +149,8 @@ static unsigned create_texture(const struct table_desc *desc)
 	return texture;
 }
 
-static struct table *build(struct frame_tables *tables, const struct table_desc *desc, const void *key,
-	size_t key_size, struct error *err)
+static struct table *build(
+	struct frame_tables *tables, const struct table_desc *desc, const void *key, size_t key_size, struct error *err)
 {
 	char file[64];
 	snprintf(file, sizeof file, "tables/%s.comp", desc->name);
@@ -169,10 +169,10 @@ static struct table *build(struct frame_tables *tables, const struct table_desc 
 	memcpy(t->key, key, key_size);
 	snprintf(t->pass, sizeof t->pass, "table-%s", desc->name);
 	passes_run(tables->passes, &(struct pass){ .name = t->pass,
-		.program = program,
-		.image = t->texture,
-		.image_format = desc->internal_format,
-		.threads = { desc->width, desc->height, desc->depth } });
+					   .program = program,
+					   .image = t->texture,
+					   .image_format = desc->internal_format,
+					   .threads = { desc->width, desc->height, desc->depth } });
 	return t;
 }
 

@@ -14,10 +14,11 @@ struct frame_tables;
  * depend on, kept under a memory budget (least recently used goes first). */
 
 struct table_desc {
-	const char *name;   /* kernel shaders/tables/NAME.comp writes image unit 0 (writeonly); also the pass name "table-NAME" */
+	const char *name;         /* kernel shaders/tables/NAME.comp writes image unit 0 (writeonly); also the pass name
+				     "table-NAME" */
 	int width, height, depth; /* depth 0: 2-D */
 	unsigned internal_format; /* GL_RGBA32F, … */
-	int unit;           /* texture unit where the readers expect it (UNIT_…) */
+	int unit;                 /* texture unit where the readers expect it (UNIT_…) */
 };
 
 /* Makes sure the table for this key (at most 512 bytes) exists, dispatching its kernel with the

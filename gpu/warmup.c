@@ -10,13 +10,13 @@
 enum { WIDTH = 32, HEIGHT = 16 };
 
 /* Runs one job to its end in memory of its own; fill may put a radiance job's input there. */
-static bool run_job(struct workspace *ws, const struct welkin_job *job, const double *input, size_t input_count,
-	struct error *err)
+static bool run_job(
+	struct workspace *ws, const struct welkin_job *job, const double *input, size_t input_count, struct error *err)
 {
 	const size_t size = welkin_job_bytes(job);
 	const int memfd = memfd_create("welkin-warm-up", MFD_CLOEXEC);
 	if (memfd < 0 || ftruncate(memfd, (off_t)size) != 0 ||
-	    pwrite(memfd, input, input_count * sizeof *input, 0) != (ssize_t)(input_count * sizeof *input)) {
+		pwrite(memfd, input, input_count * sizeof *input, 0) != (ssize_t)(input_count * sizeof *input)) {
 		if (memfd >= 0)
 			close(memfd);
 		return error_set(err, "no memory for the warm-up");
@@ -61,8 +61,8 @@ bool warm_up(struct workspace *ws, struct error *err)
 	memset(&faults, 0, sizeof faults);
 	welkin_resolve(&draft, WELKIN_PNG, &limits, &request, &faults);
 	if (faults.n > 0)
-		return error_set(err, "the default request is at fault: %s: %s", faults.list[0].field,
-			faults.list[0].detail);
+		return error_set(
+			err, "the default request is at fault: %s: %s", faults.list[0].field, faults.list[0].detail);
 	request.image.width = WIDTH;
 	request.image.height = HEIGHT;
 	request.image.projection = WELKIN_EQUIRECTANGULAR;
