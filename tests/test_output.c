@@ -11,9 +11,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
+
+#include <cmocka.h>
 
 enum { WIDTH = 256, HEIGHT = 64, PIXELS = WIDTH * HEIGHT };
 

@@ -11,9 +11,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
+
+#include <cmocka.h>
 
 enum { WIDTH = 16, HEIGHT = 8, REQUESTS = 10000, RADIANCES = 500 };
 
