@@ -266,7 +266,12 @@ static void expire(struct service *s, struct settled *settled)
 	}
 	for (struct queue_item *i = s->queue.running.next; i != &s->queue.running; i = i->next) {
 		struct render *r = RENDER_OF(i, item);
-		if (!r->tickets || now < r->job.deadline_us + LATE_GRACE_US)
+		if (now < r->job.deadline_us + LATE_GRACE_US)
+			continue;
+		/* It has lost its clients, was told so, and still holds a slot: that renderer is not sound. */
+		if (now > r->job.deadline_us + LATE_GRACE_US + (int64_t)(s->options->watchdog_s * 1e6))
+			supervisor_condemn(s->supervisor);
+		if (!r->tickets)
 			continue;
 		dispatch_settle_all(settled, r, OUTCOME_LATE, "The render passed its deadline.", 0);
 		dispatch_stop_leading(r);

@@ -12,6 +12,7 @@
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <systemd/sd-daemon.h>
 #include <unistd.h>
@@ -57,6 +58,19 @@ static bool wait_until_started(struct server *server, struct error *err)
 	if (service_failed(server->service, why, sizeof why))
 		return error_set(err, "no renderer can be started: %s", why);
 	return true;
+}
+
+/* The usual soft limit of 1024 descriptors is less than the connections that are allowed. */
+static void raise_descriptor_limit(const struct options *options)
+{
+	struct rlimit limit;
+	const rlim_t wanted = (rlim_t)options->max_connections + 256;
+	if (getrlimit(RLIMIT_NOFILE, &limit) || limit.rlim_cur >= wanted)
+		return;
+	limit.rlim_cur = limit.rlim_max < wanted ? limit.rlim_max : wanted;
+	if (setrlimit(RLIMIT_NOFILE, &limit) || limit.rlim_cur < wanted)
+		log_event(LEVEL_WARN, "few_descriptors", "limit=%llu wanted=%llu", (unsigned long long)limit.rlim_cur,
+			(unsigned long long)wanted);
 }
 
 static bool start(struct server *server, struct error *err)
@@ -146,6 +160,7 @@ int serve_command(int argc, char **argv)
 		return 0;
 	}
 	log_set_level(server.options.log_level);
+	raise_descriptor_limit(&server.options);
 	/* Encoded images come and go on several threads: large blocks go back to the system at once,
 	 * and few arenas keep the rest from spreading, so that resident memory stays flat for weeks. */
 	mallopt(M_ARENA_MAX, 2);

@@ -34,6 +34,9 @@ struct supervisor *supervisor_start(const struct supervisor_config *config, stru
 bool supervisor_send_job(struct supervisor *supervisor, const struct welkin_job *job, int memfd);
 void supervisor_cancel(struct supervisor *supervisor, uint64_t id);
 
+/* Kills the renderer and starts another, as if it had been silent. From any thread. */
+void supervisor_condemn(struct supervisor *supervisor);
+
 pid_t supervisor_pid(struct supervisor *supervisor); /* 0 when none runs */
 
 /* Closes the renderer's socket, gives it two seconds to leave, kills it otherwise, reaps it. No

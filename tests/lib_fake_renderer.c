@@ -158,6 +158,9 @@ static _Noreturn void serve(int fd)
 		send_or_exit(&fake, &message);
 		_exit(1);
 	}
+	if (mode && !strcmp(mode, "silent"))
+		for (;;)
+			pause();
 	strcpy(message.device.name, "fake renderer");
 	strcpy(message.device.vendor, "tests");
 	strcpy(message.device.version, "0.0");

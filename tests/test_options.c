@@ -93,6 +93,7 @@ static void mistakes_are_named(void **state)
 	refuse("--queue=3x", NULL, "not a number");
 	refuse("--queue=", NULL, "not a number");
 	refuse("serve", NULL, "unexpected argument");
+	refuse("--device=gpu", NULL, "not auto, software or a number");
 	refuse("--log-level=loud", NULL, "not error, warn");
 	refuse("--config", "/nonexistent/welkin.conf", "/nonexistent/welkin.conf");
 	char longer[200];

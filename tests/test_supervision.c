@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -173,8 +174,8 @@ static void deadlines_end_in_504(void **state)
 {
 	char path[160];
 	(void)state;
-	struct daemon_process *server =
-		daemon_start(true, (const char *const[]){ "--deadline-s", "0.5", "--in-flight", "1", NULL });
+	struct daemon_process *server = daemon_start(
+		true, (const char *const[]){ "--deadline-s", "0.5", "--in-flight", "1", "--watchdog-s", "0.5", NULL });
 	/* Neither finished nor cancelled by the renderer: the server must not believe in it for ever. */
 	struct client ignoring, queued;
 	snprintf(path, sizeof path, "image.width=16&image.height=8&seed=%d", FAKE_IGNORE);
@@ -188,6 +189,9 @@ static void deadlines_end_in_504(void **state)
 	assert_true(ignoring.reply.seconds < 2);
 	reply_finish(&ignoring.reply);
 	reply_finish(&queued.reply);
+	/* It pongs, so it is not silent; but what holds its slot for ever has to go. */
+	assert_true(metric_wait(server, "welkin_renderer_restarts_total", 1, 5) == 1);
+	expect_served(server, 3);
 	daemon_stop(server);
 }
 
@@ -297,6 +301,53 @@ static void sigterm_finishes_what_is_in_flight(void **state)
 	assert_int_equal(kill(renderer, 0), -1); /* gone with it */
 }
 
+static void a_start_can_be_interrupted(void **state)
+{
+	char self[512];
+	(void)state;
+	const ssize_t n = readlink("/proc/self/exe", self, sizeof self - 1);
+	assert_true(n > 0);
+	self[n] = 0;
+	const pid_t pid = fork();
+	if (!pid) {
+		setenv("WELKIN_FAKE", "silent", 1);
+		execl(daemon_binary(), "welkin", "serve", "--listen", "127.0.0.1:0", "--admin", "127.0.0.1:0",
+			"--renderer", self, "--log-level", "error", NULL);
+		_exit(127);
+	}
+	sleep_ms(300);
+	kill(pid, SIGTERM);
+	const double begun = seconds_now();
+	int status = -1;
+	assert_int_equal(waitpid(pid, &status, 0), pid);
+	assert_true(seconds_now() - begun < 5);
+	assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+}
+
+/* What a service manager hears. */
+static void the_service_manager_is_told(void **state)
+{
+	struct sockaddr_un address = { .sun_family = AF_UNIX };
+	char heard[256] = "", directory[] = "/tmp/welkin-notify-XXXXXX";
+	(void)state;
+	assert_non_null(mkdtemp(directory));
+	snprintf(address.sun_path, sizeof address.sun_path, "%s/socket", directory);
+	const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+	assert_int_equal(bind(fd, (struct sockaddr *)&address, sizeof address), 0);
+	setenv("NOTIFY_SOCKET", address.sun_path, 1);
+	struct daemon_process *server = daemon_start(true, NULL);
+	unsetenv("NOTIFY_SOCKET");
+	assert_true(recv(fd, heard, sizeof heard - 1, 0) > 0);
+	assert_string_equal(heard, "READY=1");
+	daemon_stop(server);
+	memset(heard, 0, sizeof heard);
+	assert_true(recv(fd, heard, sizeof heard - 1, MSG_DONTWAIT) > 0);
+	assert_string_equal(heard, "STOPPING=1");
+	close(fd);
+	unlink(address.sun_path);
+	rmdir(directory);
+}
+
 static void draining_is_bounded(void **state)
 {
 	char query[96];
@@ -351,6 +402,8 @@ int main(int argc, char **argv)
 		cmocka_unit_test(a_taken_port_ends_the_daemon),
 		cmocka_unit_test(ipv6_is_served),
 		cmocka_unit_test(sigterm_finishes_what_is_in_flight),
+		cmocka_unit_test(a_start_can_be_interrupted),
+		cmocka_unit_test(the_service_manager_is_told),
 		cmocka_unit_test(draining_is_bounded),
 		cmocka_unit_test(a_killed_server_takes_its_renderer_along),
 	};
