@@ -11,6 +11,7 @@
 #include "gpu/warmup.h"
 
 #include <math.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -232,6 +233,10 @@ int welkin_renderer_main(int fd, const struct welkin_renderer_config *config)
 		send_text(fd, WELKIN_MSG_FATAL, "out of memory");
 		return status;
 	}
+	/* It lives as long as its socket: a SIGTERM for the whole service must not take it while the server
+	 * finishes what is in flight. */
+	signal(SIGTERM, SIG_IGN);
+	signal(SIGINT, SIG_IGN);
 	r->fd = fd;
 	if (start(r, config, &err)) {
 		send_ready(r);

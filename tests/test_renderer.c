@@ -422,66 +422,6 @@ static void nonsense_numbers(void **state)
 	free(pixels);
 }
 
-/* ---- photometer ---- */
-
-/* Wavelengths asked for together or alone, directions many or few: the same numbers. */
-static void radiance_does_not_depend_on_company(void **state)
-{
-	(void)state;
-	enum { MANY = 5000, WAVELENGTHS = 9 };
-	static double directions[MANY][3], wavelengths[WAVELENGTHS];
-	const struct welkin_request r = request("march", 64, 32);
-	const struct welkin_radiance_layout at = welkin_radiance_layout(MANY, WAVELENGTHS);
-	const struct welkin_radiance_layout one = welkin_radiance_layout(1, 1);
-	struct welkin_result result;
-	double *all, *single;
-	for (int i = 0; i < MANY; i++)
-		direction_of(90 - 180.0 * i / MANY, 137.5 * i, directions[i]);
-	for (int i = 0; i < WAVELENGTHS; i++)
-		wavelengths[i] = 800 - 50 * i;
-	assert_true(lib_radiance(
-		&renderer, &r, (const double(*)[3])directions, MANY, wavelengths, WAVELENGTHS, &all, &result));
-	assert_true(result.bands == WAVELENGTHS && result.nonfinite == 0);
-	for (int i = 7; i < MANY; i += 499) {
-		const int w = i % WAVELENGTHS;
-		assert_true(lib_radiance(
-			&renderer, &r, (const double(*)[3])directions + i, 1, wavelengths + w, 1, &single, &result));
-		const size_t k = (size_t)i * WAVELENGTHS + (size_t)w;
-		assert_true(all[at.radiance + k] > 0);
-		assert_true(fabs(all[at.radiance + k] - single[one.radiance]) <= 1e-6 * single[one.radiance]);
-		assert_true(fabs(all[at.transmittance + k] - single[one.transmittance]) <= 1e-6);
-		assert_true(isnan(all[at.std_error + k]) && all[at.luminance + (size_t)i] > 0);
-		free(single);
-	}
-	free(all);
-}
-
-/* Towards the sun: with the disk there is L = T·E/Ω more, a hair beside it there is not. */
-static void photometer_sees_the_disk(void **state)
-{
-	(void)state;
-	struct welkin_request r = request("march", 64, 32);
-	const double nm = 550, radius = r.sun.angular_radius_deg;
-	const struct welkin_radiance_layout at = welkin_radiance_layout(3, 1);
-	double directions[3][3], *with, *without;
-	struct welkin_result result;
-	direction_of(r.sun.elevation_deg, r.sun.azimuth_deg, directions[0]);
-	direction_of(r.sun.elevation_deg + 0.99 * radius, r.sun.azimuth_deg, directions[1]);
-	direction_of(r.sun.elevation_deg + 1.01 * radius, r.sun.azimuth_deg, directions[2]);
-	r.sun.spectrum = WELKIN_SUN_FLAT;
-	assert_true(lib_radiance(&renderer, &r, (const double(*)[3])directions, 3, &nm, 1, &with, &result));
-	r.sun.disk = 0;
-	assert_true(lib_radiance(&renderer, &r, (const double(*)[3])directions, 3, &nm, 1, &without, &result));
-	const double omega = 2 * M_PI * (1 - cos(radius * M_PI / 180));
-	for (int i = 0; i < 3; i++) {
-		const double more = with[at.radiance + (size_t)i] - without[at.radiance + (size_t)i];
-		const double want = i == 2 ? 0 : with[at.transmittance + (size_t)i] / omega;
-		assert_true(fabs(more - want) <= 1e-3 * want);
-	}
-	free(with);
-	free(without);
-}
-
 /* ---- beginning and end ---- */
 
 static void wait_for_exit(struct lib_renderer *r, int status)
@@ -520,6 +460,25 @@ static void killed(void **state)
 	assert_false(lib_render_await(&r, WELKIN_MSG_RESULT, 5000, &message));
 	assert_true(clock_ms() - begun < 3000);
 	assert_int_equal(lib_render_stop(&r), -1);
+}
+
+/* Warm, it is ready to serve, and a signal for the whole service does not take it. */
+static void warm_and_steady(void **state)
+{
+	(void)state;
+	const struct welkin_renderer_config config = {
+		.device = "auto", .slice_ms = 8, .table_budget_mib = 64, .warmup = 1
+	};
+	struct lib_renderer r;
+	void *pixels;
+	assert_true(lib_render_start(&r, &config));
+	assert_true(r.device.warmup_ms > 1);
+	assert_int_equal(kill(r.pid, SIGTERM), 0);
+	assert_int_equal(kill(r.pid, SIGINT), 0);
+	const struct welkin_request q = request("depth_table", 64, 32);
+	a_picture(&r, &q, &pixels);
+	free(pixels);
+	wait_for_exit(&r, 0);
 }
 
 /* A renderer that can't start says why, and exits with an error. */
@@ -584,10 +543,9 @@ int main(void)
 		cmocka_unit_test(bad_jobs),
 		cmocka_unit_test(seals),
 		cmocka_unit_test(nonsense_numbers),
-		cmocka_unit_test(radiance_does_not_depend_on_company),
-		cmocka_unit_test(photometer_sees_the_disk),
 		cmocka_unit_test(the_peer_goes_away),
 		cmocka_unit_test(killed),
+		cmocka_unit_test(warm_and_steady),
 		cmocka_unit_test(it_says_why_it_does_not_start),
 		cmocka_unit_test(devices_are_listed),
 	};
