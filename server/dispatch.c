@@ -231,10 +231,11 @@ void dispatch_on_lost(void *cls, const char *reason, bool was_ready)
 	s->proved_us = 0;
 	snprintf(s->failure, sizeof s->failure, "%s", reason);
 	s->failures += !was_ready;
+	const int retry_after_s = queue_retry_after_s(&s->queue);
 	while (s->queue.running.next != &s->queue.running) {
 		struct render *r = RENDER_OF(s->queue.running.next, item);
 		dispatch_settle_all(&settled, r, OUTCOME_UNAVAILABLE,
-			"The renderer failed while it worked on this; it is being restarted.", 1);
+			"The renderer failed while it worked on this; it is being restarted.", retry_after_s);
 		dispatch_drop(r, false);
 	}
 	const bool give_up = s->failures >= GIVE_UP_AFTER;

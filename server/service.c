@@ -138,14 +138,6 @@ bool service_abandon(struct service *s, struct ticket *ticket)
 	return r != NULL;
 }
 
-int service_retry_after_s(struct service *s)
-{
-	pthread_mutex_lock(&s->lock);
-	const int seconds = queue_retry_after_s(&s->queue);
-	pthread_mutex_unlock(&s->lock);
-	return seconds;
-}
-
 int service_started_fd(struct service *s)
 {
 	return s->started_fd;

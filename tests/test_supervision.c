@@ -301,6 +301,78 @@ static void sigterm_finishes_what_is_in_flight(void **state)
 	assert_int_equal(kill(renderer, 0), -1); /* gone with it */
 }
 
+struct storm {
+	pthread_t thread;
+	const struct daemon_process *server;
+	uint32_t random;
+	double end;
+	int odd; /* replies that should not be */
+};
+
+/* Requests of every kind, half of them given up on the way. */
+static void *run_storm(void *cls)
+{
+	struct storm *s = cls;
+	while (seconds_now() < s->end) {
+		char request[256], reply[64] = "";
+		const uint32_t r = s->random = s->random * 1664525u + 1013904223u;
+		const int fd = raw_connect(s->server->port);
+		snprintf(request, sizeof request,
+			"GET /v1/render.png?image.width=8&image.height=8&sun.elevation_deg=%d&seed=%d "
+			"HTTP/1.1\r\nHost: x\r\n"
+			"Connection: close\r\n\r\n",
+			(int)(r >> 24) % 6, r >> 20 & 7 ? FAKE_SLOW + (int)(r >> 12 & 31) : FAKE_FAIL);
+		raw_send(fd, request);
+		if (r >> 16 & 1) {
+			const ssize_t n = recv(fd, reply, sizeof reply - 1, 0);
+			const int status = n > 12 ? atoi(reply + 9) : 0;
+			s->odd += status != 200 && status != 500 && status != 503 && status != 429;
+		} else {
+			sleep_ms((int)(r >> 8 & 15));
+		}
+		close(fd);
+	}
+	return NULL;
+}
+
+static void a_storm_leaves_nothing_behind(void **state)
+{
+	enum { STORM = 16, SECONDS = 3 };
+	struct storm storms[STORM];
+	(void)state;
+	struct daemon_process *server = daemon_start(
+		true, (const char *const[]){ "--queue", "6", "--cache-mib", "1", "--probe-s", "0.1", NULL });
+	for (int i = 0; i < STORM; i++) {
+		storms[i] = (struct storm){
+			.server = server, .random = (uint32_t)i * 7919u, .end = seconds_now() + SECONDS
+		};
+		assert_int_equal(pthread_create(&storms[i].thread, NULL, run_storm, &storms[i]), 0);
+	}
+	for (int i = 0; i < 4; i++) {
+		sleep_ms(600);
+		const pid_t renderer = daemon_renderer(server);
+		if (renderer)
+			kill(renderer, SIGKILL);
+	}
+	for (int i = 0; i < STORM; i++) {
+		pthread_join(storms[i].thread, NULL);
+		assert_int_equal(storms[i].odd, 0);
+	}
+	/* Everybody has gone: nothing may be left that thinks otherwise. */
+	static const char *const series[] = { "welkin_http_requests_in_flight", "welkin_queue_depth",
+		"welkin_http_connections" };
+	for (int k = 0; k < 3; k++) {
+		const double idle = k == 2; /* the one that asks */
+		for (int i = 0; i < 100 && metric(server, series[k]) > idle; i++)
+			sleep_ms(20);
+		if (metric(server, series[k]) > idle)
+			fail_msg("%s is %g", series[k], metric(server, series[k]));
+	}
+	expect_served(server, 70);
+	assert_int_equal(daemon_zombies(server), 0);
+	daemon_stop(server);
+}
+
 static void a_start_can_be_interrupted(void **state)
 {
 	char self[512];
@@ -402,6 +474,7 @@ int main(int argc, char **argv)
 		cmocka_unit_test(a_taken_port_ends_the_daemon),
 		cmocka_unit_test(ipv6_is_served),
 		cmocka_unit_test(sigterm_finishes_what_is_in_flight),
+		cmocka_unit_test(a_storm_leaves_nothing_behind),
 		cmocka_unit_test(a_start_can_be_interrupted),
 		cmocka_unit_test(the_service_manager_is_told),
 		cmocka_unit_test(draining_is_bounded),
