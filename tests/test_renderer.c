@@ -131,6 +131,10 @@ static void turns_change_nothing(void **state)
 	struct welkin_job jobs[FRAMES];
 	void *alone[FRAMES];
 	int memfd[FRAMES];
+	/* slices so short that every frame takes dozens, and the long-waiting get theirs in between */
+	const struct welkin_renderer_config tiny = { .device = "software", .slice_ms = 0.1, .table_budget_mib = 64 };
+	struct lib_renderer by;
+	assert_true(lib_render_start(&by, &tiny));
 	for (int i = 0; i < FRAMES; i++) {
 		r[i] = request(i % 3 == 0 ? "march" : i % 3 == 1 ? "depth_table" : "preetham", 200 + 16 * i, 100);
 		r[i].exposure_mode = i & 1 ? WELKIN_EXPOSURE_AUTO : WELKIN_EXPOSURE_EV;
@@ -138,15 +142,15 @@ static void turns_change_nothing(void **state)
 		r[i].sun.elevation_deg = 5 + 10 * i;
 		r[i].atmosphere.steps = r[i].atmosphere.light_steps = 8 + i;
 		r[i].atmosphere.planet_radius_m = 6360e3 + 1e5 * i;
-		a_picture(&renderer, &r[i], &alone[i]);
+		a_picture(&by, &r[i], &alone[i]);
 	}
 	for (int i = 0; i < FRAMES; i++) {
 		jobs[i] = job_of(&r[i]);
-		memfd[i] = lib_render_send(&renderer, &jobs[i], NULL, 0);
+		memfd[i] = lib_render_send(&by, &jobs[i], NULL, 0);
 		assert_true(memfd[i] >= 0);
 	}
 	for (int i = 0; i < FRAMES; i++)
-		assert_int_equal(await_result(&renderer).status, WELKIN_DONE);
+		assert_int_equal(await_result(&by).status, WELKIN_DONE);
 	for (int i = 0; i < FRAMES; i++) {
 		const size_t size = welkin_job_bytes(&jobs[i]);
 		void *together = lib_render_read(memfd[i], size);
@@ -156,6 +160,7 @@ static void turns_change_nothing(void **state)
 		free(alone[i]);
 		close(memfd[i]);
 	}
+	assert_int_equal(lib_render_stop(&by), 0);
 }
 
 static void layers_tell_the_truth(void **state)
@@ -223,7 +228,7 @@ static void a_probe_overtakes(void **state)
 		worst = fmax(worst, clock_ms() - begun);
 	}
 	print_message("slowest probe beside an 8K frame: %.1f ms\n", worst);
-	assert_true(worst < 500);
+	assert_true(worst < 2000); /* alone, the big frame takes many seconds */
 	assert_true(lib_render_tell(&renderer, WELKIN_MSG_CANCEL, big));
 	const struct welkin_result result = await_result(&renderer);
 	assert_true(result.id == big && result.status == WELKIN_CANCELLED);
@@ -233,7 +238,7 @@ static void a_probe_overtakes(void **state)
 static void nobody_starves(void **state)
 {
 	(void)state;
-	const struct welkin_request longer = request("gradient", 1024, 512), probe = request("gradient", 64, 32);
+	const struct welkin_request longer = request("gradient", 3072, 1536), probe = request("gradient", 64, 32);
 	const uint64_t id = submit(&renderer, job_of(&longer));
 	for (int i = 0; i < 4; i++)
 		submit(&renderer, job_of(&probe));
@@ -263,7 +268,7 @@ static void cancelled(void **state)
 	assert_true(result.id == second && result.status == WELKIN_CANCELLED);
 	result = await_result(&renderer);
 	assert_true(result.id == first && result.status == WELKIN_CANCELLED);
-	assert_true(clock_ms() - begun < 1000);
+	assert_true(clock_ms() - begun < 3000);
 }
 
 static void timed_out(void **state)
@@ -276,7 +281,7 @@ static void timed_out(void **state)
 	struct welkin_result result = await_result(&renderer);
 	const double took = clock_ms() - begun;
 	assert_int_equal(result.status, WELKIN_TIMED_OUT);
-	assert_true(took > 90 && took < 1000);
+	assert_true(took > 90 && took < 3000);
 	job.deadline_us = 1; /* long ago */
 	submit(&renderer, job);
 	result = await_result(&renderer);
@@ -296,7 +301,7 @@ static void signs_of_life(void **state)
 		worst = fmax(worst, clock_ms() - last);
 		last = clock_ms();
 	}
-	assert_true(worst < 600);
+	assert_true(worst < 2000);
 	assert_true(lib_render_tell(&renderer, WELKIN_MSG_PING, 4711));
 	do
 		assert_true(lib_render_await(&renderer, WELKIN_MSG_PONG, 1000, &message));
