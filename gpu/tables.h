@@ -15,13 +15,14 @@ struct frame_tables;
  * depend on, kept under a memory budget (least recently used goes first). */
 
 struct table_desc {
-	const char *name;   /* kernel shaders/tables/NAME.comp writes image unit 0 (writeonly); also the pass name "table-NAME" */
+	const char *name;         /* kernel shaders/tables/NAME.comp writes image unit 0 (writeonly); also the pass name
+				     "table-NAME" */
 	int width, height, depth; /* depth 0: 2-D */
 	unsigned internal_format; /* GL_RGBA32F, … */
-	int unit;           /* texture unit where the readers expect it (UNIT_…) */
-	int iterations;     /* > 1: the kernel runs that often, LOCATION_ITERATION counting from 0 */
-	int feedback;       /* 1: each run writes a new table and finds the last one's bound to the unit */
-	int threads[3];     /* invocations; 0: one per texel */
+	int unit;                 /* texture unit where the readers expect it (UNIT_…) */
+	int iterations;           /* > 1: the kernel runs that often, LOCATION_ITERATION counting from 0 */
+	int feedback;             /* 1: each run writes a new table and finds the last one's bound to the unit */
+	int threads[3];           /* invocations; 0: one per texel */
 };
 
 /* Makes sure the table for this key (at most 1024 bytes) exists and binds it to its unit: linear
