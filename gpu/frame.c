@@ -165,12 +165,23 @@ bool frame_settle(struct workspace *ws, struct frame *frame, int pixels, int bat
 	return true;
 }
 
-/* The plan's lines about tables: once, when the first slice has asked for them. */
+static bool ran(const struct pass_log *log, const char *pass)
+{
+	for (int i = 0; i < log->n; i++)
+		if (strcmp(log->times[i].name, pass) == 0)
+			return true;
+	return false;
+}
+
+/* The plan's lines about tables: once, when all are there. */
 static void note_tables(struct frame *f, const struct tables_report *report)
 {
-	for (int i = 0; i < report->n && !f->tables_noted; i++)
-		planner_note(&f->plan, report->entries[i].pass, report->entries[i].built, "%s",
-			report->entries[i].built ? "built for this frame" : "kept from an earlier frame");
+	for (int i = 0; i < report->n && !f->tables_noted; i++) {
+		const char *pass = report->entries[i].pass;
+		const bool built = report->entries[i].built > 0 || ran(&f->log, pass);
+		planner_note(
+			&f->plan, pass, built, "%s", built ? "built for this frame" : "kept from an earlier frame");
+	}
 	f->tables_noted = 1;
 }
 
@@ -187,7 +198,8 @@ static enum table_state bind(struct workspace *ws, struct frame *f, struct error
 	enum table_state state = TABLE_READY;
 	for (int batch = 0; batch < f->scene.n_batches && state == TABLE_READY; batch++)
 		state = frame_tables(ws, f, batch, err);
-	note_tables(f, tables_report(ws->tables));
+	if (state == TABLE_READY)
+		note_tables(f, tables_report(ws->tables));
 	return state;
 }
 

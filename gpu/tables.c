@@ -208,15 +208,20 @@ static bool run(struct frame_tables *tables, struct table *t, int batch, struct 
 static void report(struct frame_tables *tables, const struct table *t, bool built)
 {
 	struct tables_report *list = &tables->report;
-	for (int i = 0; i < list->n; i++)
-		if (strcmp(list->entries[i].pass, t->pass) == 0) {
-			list->entries[i].built |= built;
-			return;
-		}
-	if (list->n == TABLES_REPORT_MAX)
+	int i = 0;
+	while (i < list->n && strcmp(list->entries[i].pass, t->pass) != 0)
+		i++;
+	if (i == TABLES_REPORT_MAX)
 		return;
-	snprintf(list->entries[list->n].pass, sizeof t->pass, "%s", t->pass);
-	list->entries[list->n++].built = built;
+	if (i == list->n) {
+		memset(&list->entries[i], 0, sizeof list->entries[i]);
+		snprintf(list->entries[i].pass, sizeof t->pass, "%s", t->pass);
+		list->n++;
+	}
+	if (built)
+		list->entries[i].built++;
+	else
+		list->entries[i].kept++;
 }
 
 enum table_state tables_need(struct frame_tables *tables, const struct table_desc *desc, const void *key,

@@ -42,13 +42,13 @@ void tables_destroy(struct frame_tables *tables);
 /* Before a slice asks for its tables: from here on, those it needs are not let go of. */
 void tables_begin_slice(struct frame_tables *tables);
 
-/* The tables asked for since the slice began. */
+/* The tables asked for since the slice began, by pass. */
 enum { TABLES_REPORT_MAX = 8 };
 struct tables_report {
 	int n;
 	struct {
 		char pass[32];
-		bool built; /* false: it was there already */
+		int built, kept; /* times that a run was dispatched, and that it was there already */
 	} entries[TABLES_REPORT_MAX];
 };
 const struct tables_report *tables_report(const struct frame_tables *tables);

@@ -42,13 +42,13 @@ static const struct member frame_members[] = { M(FrameBlock, camera_right), M(Fr
 static const struct member media_members[] = { M(MediaBlock, planet_radius), M(MediaBlock, top),
 	M(MediaBlock, rayleigh_scale_height), M(MediaBlock, aerosol_scale_height), M(MediaBlock, ozone_center),
 	M(MediaBlock, ozone_half_width), M(MediaBlock, aerosol_g), M(MediaBlock, aerosol_phase), M(MediaBlock, steps),
-	M(MediaBlock, light_steps), M(MediaBlock, turbidity), M(MediaBlock, sun_intensity), A(MediaBlock, rule),
-	{ 0 } };
+	M(MediaBlock, light_steps), M(MediaBlock, turbidity), M(MediaBlock, sun_intensity),
+	M(MediaBlock, aerosol_moments), A(MediaBlock, rule), { 0 } };
 
 static const struct member bands_members[] = { M(BandsBlock, wavelength), M(BandsBlock, sun_irradiance),
 	M(BandsBlock, rayleigh), M(BandsBlock, aerosol_scattering), M(BandsBlock, aerosol_extinction),
-	M(BandsBlock, ozone), M(BandsBlock, ground_albedo), A(BandsBlock, daylight), M(BandsBlock, daylight_luminance),
-	A(BandsBlock, to_rgb), { 0 } };
+	M(BandsBlock, aerosol_scaled_extinction), M(BandsBlock, ozone), M(BandsBlock, ground_albedo),
+	A(BandsBlock, daylight), M(BandsBlock, daylight_luminance), A(BandsBlock, to_rgb), { 0 } };
 
 static GLint resource(GLuint program, GLenum interface, const char *name, GLenum property)
 {
