@@ -270,7 +270,7 @@ static void sigterm_finishes_what_is_in_flight(void **state)
 	(void)state;
 	struct daemon_process *server = daemon_start(true, (const char *const[]){ "--in-flight", "1", NULL });
 	struct client running, waiting;
-	snprintf(query, sizeof query, "image.width=16&image.height=8&seed=%d", FAKE_SLOW + 500);
+	snprintf(query, sizeof query, "image.width=16&image.height=8&seed=%d", FAKE_SLOW + 900);
 	start_client(&running, server, query, 1);
 	assert_true(metric_wait(server, "welkin_renders_in_flight", 1, 2) >= 1);
 	start_client(&waiting, server, query, 2);
