@@ -15,7 +15,7 @@ static const char *const png_bits[] = { "8", "16", NULL };
 static const char *const exr_types[] = { "half", "float", NULL };
 static const char *const exr_compressions[] = { "none", "rle", "zips", "zip", "piz", NULL };
 static const char *const presets[] = { "earth", "madrid2015", "rayleigh", NULL };
-static const char *const spectra[] = { "rgb", "4", NULL };
+static const char *const spectra[] = { "rgb", "4", "8", "16", "40", NULL };
 static const char *const sun_spectra[] = { "solar", "flat", NULL };
 static const char *const phases[] = { "cornette_shanks", "henyey_greenstein", "schlick", NULL };
 static const char *const exposure_modes[] = { "auto", "ev", "pupil", NULL };
@@ -116,7 +116,7 @@ const struct welkin_field welkin_fields[] = {
 	{ "atmosphere.spectrum", WELKIN_TYPE_ENUM, "", 0, 0, "4",
 		"Wavelengths of an image: rgb takes the coefficients at 680, 550 and 440 nm as red, green and blue; 4 "
 		"renders four "
-		"wavelengths and converts them by a fitted matrix.",
+		"wavelengths and converts them by a fitted matrix; 8, 16 and 40 take evenly spaced ones, for accuracy.",
 		spectra, AT(atmosphere.spectrum) },
 	{ "atmosphere.max_order", WELKIN_TYPE_INT, "", 0, 100, "0",
 		"Highest order of scattering, for methods that have several; 0 for all they have.", NULL,

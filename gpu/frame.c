@@ -36,7 +36,7 @@ static const char *find_fault(const struct welkin_job *job)
 	if (!in_range(image->format, WELKIN_EXR) || !in_range(image->projection, WELKIN_CUBEMAP) ||
 		!in_range(image->cube_face, WELKIN_DOWN) || !in_range(r->tone_map, WELKIN_TONE_NONE) ||
 		!in_range(r->exposure_mode, WELKIN_EXPOSURE_PUPIL) ||
-		!in_range(r->atmosphere.spectrum, WELKIN_SPECTRUM_4))
+		!in_range(r->atmosphere.spectrum, WELKIN_SPECTRUM_40))
 		return "a choice that does not exist";
 	return NULL;
 }
