@@ -18,7 +18,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { WIDTH = 1280, HEIGHT = 720, SMALL = 4, RUNS = 5, POINTS_MAX = 2048 };
+enum { WIDTH = 1280, HEIGHT = 720, SMALL = 8, RUNS = 5, POINTS_MAX = 2048 };
 
 static const double slow_ms = 300, reference_error = 0.002, reference_budget_ms = 8000;
 static const double largest_error = 10; /* on the charts */
@@ -83,6 +83,8 @@ static bool time_view(struct chart *c, const struct point *p, int width, int hei
 	setting_apply(&p->setting, &request);
 	if (!time_once(c, &request, &ignored[0], &ignored[1]))
 		return false;
+	if (ignored[0] > slow_ms)
+		runs = 1; /* what takes long is not disturbed by little */
 	for (int i = 0; i < runs; i++) {
 		request.sun.azimuth_deg += 0.01;
 		if (!time_once(c, &request, &all[i], &all_tables[i]))
