@@ -100,7 +100,7 @@ $(B)/gen/registry.c: $(METHOD_SRC) Makefile
 $(B)/gen/method_names.c: $(METHOD_SRC) Makefile
 	@mkdir -p $(@D)
 	@{ echo '#include "api/api.h"'; echo 'const char *const welkin_method_names[] = {'; \
-	  for m in $(METHODS); do echo "	\"$$m\","; done; echo '	0,'; echo '};'; } > $@
+	  for m in $(METHODS) auto; do echo "	\"$$m\","; done; echo '	0,'; echo '};'; } > $@
 
 # ---- tests ----
 # tests/test_*.c: one cmocka program each, linked with everything but main. tests/lib_*.c: what they share.

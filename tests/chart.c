@@ -250,6 +250,36 @@ static bool write_csv(const struct chart *c)
 	return !fclose(f);
 }
 
+/* The same as data of the product: gpu/measured.h. */
+static bool write_measured(const struct chart *c)
+{
+	FILE *f = open_in(c->folder, "measured.inc");
+	if (!f)
+		return false;
+	fprintf(f, "/* Made by `make chart`, put here by `make chart-update`. */\n\nconst char welkin_measured_device[] = \"%s\";\n\n"
+		   "const struct measured_scene welkin_measured_scenes[] = {\n", c->renderer.device.name);
+	for (int i = 0; i < c->n_scenes; i++) {
+		const struct welkin_request *r = &c->scenes[i].request;
+		const struct welkin_atmosphere *a = &r->atmosphere;
+		fprintf(f, "\t{ \"%s\", %g, %g, %.4g, %g },\n", c->scenes[i].name, r->sun.elevation_deg, r->camera.altitude_m,
+			(a->aerosol_scattering_per_m[1] + a->aerosol_absorption_per_m[1]) * a->aerosol_scale_height_m *
+				a->density_factor, r->ground_albedo[1]);
+	}
+	fprintf(f, "\t{ NULL },\n};\n\nconst struct measured_point welkin_measured[] = {\n");
+	for (int i = 0; i < c->n_points; i++) {
+		const struct point *p = &c->points[i];
+		const double large = WIDTH * HEIGHT * 1e-6, small = large / (SMALL * SMALL);
+		const double per_mpixel = fmax((p->ms - p->ms_small) / (large - small), 0);
+		fprintf(f, "\t{ %d, \"%s\", %d, %d, %g, %d, %.4g, %.2g, %.4g, %.4g, %.4g, %.4g, %.4g },\n",
+			(int)(p->scene - c->scenes), welkin_methods[p->setting.method]->name, p->setting.steps,
+			p->setting.light_steps, p->setting.max_error, p->covered, p->error.rms, p->error.rms_uncertainty,
+			p->error.p99, p->error.delta_e, p->ms_tables + fmax(p->ms - per_mpixel * large, 0), per_mpixel,
+			p->ms_first);
+	}
+	fprintf(f, "\t{ 0, NULL },\n};\n");
+	return !fclose(f);
+}
+
 struct pooled {
 	int method;
 	double error, ms; /* RMS over the class' scenes, and mean */
@@ -390,7 +420,7 @@ int main(int argc, char **argv)
 			ok = measure_scene(&c, s, argc > 3 ? argv[3] : NULL, argc > 4 ? argv[4] : NULL);
 	}
 	if (argc == 2)
-		ok = ok && write_csv(&c) && write_plots(&c);
+		ok = ok && write_csv(&c) && write_measured(&c) && write_plots(&c);
 	ok = lib_render_stop(&c.renderer) == 0 && ok;
 	return ok && (!c.smoke || plausible(&c)) ? 0 : 1;
 }

@@ -28,7 +28,8 @@ enum { BANDS = 4, BASES_MAX = 48, DIRECTIONS_MAX = 2 * BASES_MAX };
 
 static const double nm[BANDS] = { 440, 500, 555, 680 };
 static const double jump = 0.05, wrong_physical = 0.15, wrong_analytic = 1, beside_deg = 0.001;
-static const double dark = 1e-4; /* of the cell's brightest direction: errors are relative to at least this */
+static const double dark = 1e-4;    /* of the cell's brightest direction: errors are relative to at least this */
+static const double nothing = 1e-12; /* W/m²/sr/nm: a millionth of a moonless night */
 static const double reference_error = 0.03, reference_budget_ms = 300;
 
 enum failing { SOUND, DISCONTINUOUS, WRONG, NEGATIVE, NONFINITE, KINDS };
@@ -171,7 +172,7 @@ static struct verdict judge_all(const struct cell *c, const struct method *metho
 			for (int k = 0; k < c->n / 2; k++)
 				brightest = fmax(brightest, truth[true_at.radiance + (size_t)(k * BANDS + b)]);
 			const enum failing kind = judge(L[0], L[BANDS], truth[true_at.radiance + (size_t)(i * BANDS + b)],
-				truth[true_at.std_error + (size_t)(i * BANDS + b)], dark * brightest, wrong, &value);
+				truth[true_at.std_error + (size_t)(i * BANDS + b)], fmax(dark * brightest, nothing), wrong, &value);
 			if (kind > worst || (kind == worst && fabs(value) > fabs(worst_value))) {
 				worst = kind;
 				worst_value = value;
