@@ -18,7 +18,7 @@ enum { TABLE_STEPS = 96 };
 /* Zenith angles above and below the horizon from which the multiple-scattering table gathers. */
 enum { AROUND_STEPS = 12 };
 
-static const double PEAK_DEG = 10;
+static const double PEAK_DEG = 6;
 
 static double radians(double degrees)
 {
@@ -131,8 +131,8 @@ static double phase_aerosol(const struct welkin_atmosphere *air, double nu)
 
 /* Delta-M (after Wiscombe 1977) of that phase function for two moments and a peak. What it scatters by less than
  * PEAK_DEG counts as not scattered at all; that share f leaves (chi - f) / (1 - f) of each Legendre moment.
- * Wiscombe's own f, the third moment, is 0.51 at g = 0.8 and takes light for unscattered that long paths at low
- * suns lose: 15 % too bright at the horizon at sunset, where this is 2 % off. Midpoint rule in u with
+ * Wiscombe's own f, the third moment, is 0.51 at g = 0.8 and takes for unscattered what long paths at low suns
+ * lose: the sky of preset earth is then up to 15 % too bright at the horizon at sunset, and 5 % with this. Midpoint rule in u with
  * 1 - nu = 2 u^4, which resolves peaks of g = 0.999. */
 static void delta_scale(const struct welkin_atmosphere *air, double moments[2], double *f)
 {
