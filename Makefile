@@ -157,6 +157,29 @@ accuracy: $(B)/tests/accuracy
 	$(B)/tests/accuracy $(B)/accuracy
 	gnuplot -e "folder='$(B)/accuracy'" tests/accuracy.gp
 
+# Error against milliseconds, and where methods fail. WELKIN_DEVICE names the device; auto by default.
+.PHONY: chart chart-update chart-smoke failures failures-smoke
+chart: $(B)/tests/chart
+	@mkdir -p $(B)/chart
+	$(B)/tests/chart $(B)/chart
+	gnuplot -e "folder='$(B)/chart'" tests/chart.gp
+chart-update:
+	cp $(B)/chart/measured.inc gpu/measured.inc
+	@mkdir -p api/www/pictures
+	cp $(B)/chart/chart.png api/www/pictures/chart.png
+chart-smoke: $(B)/tests/chart
+	@mkdir -p $(B)/chart-smoke
+	$(B)/tests/chart --smoke $(B)/chart-smoke
+failures: $(B)/tests/failures
+	@mkdir -p $(B)/failures
+	$(B)/tests/failures $(B)/failures; status=$$?; \
+	gnuplot -e "folder='$(B)/failures'" tests/failures.gp; exit $$status
+failures-smoke: $(B)/tests/failures
+	@mkdir -p $(B)/failures-smoke
+	$(B)/tests/failures --smoke $(B)/failures-smoke
+.PHONY: smoke
+smoke: chart-smoke failures-smoke
+
 # ---- lint ----
 C_FILES := $(API_SRC) $(GPU_SRC) $(SERVER_SRC) $(sort $(wildcard tests/*.c))
 H_FILES := $(sort $(wildcard api/*.h gpu/*.h server/*.h tests/*.h))

@@ -22,6 +22,25 @@ do for [class in classes] {
 			data index last using 1:2 with lines lw 3 lc rgb '#80000000' title columnheader(1)
 	}
 }
+# The one for the README: four classes at once.
+set terminal pngcairo size 1200,860 font 'sans,10'
+set output sprintf('%s/chart.png', folder)
+set multiplot layout 2,2 title sprintf("Error against cost, 1280x720 frames on %s", device) noenhanced
+set key inside top right noenhanced font ',8' samplen 1
+set xlabel 'device time, ms'
+set ylabel 'relative RMS error of luminance'
+set yrange [1e-3:10]
+do for [class in "day low twilight space"] {
+	data = sprintf('%s/plot-%s.txt', folder, class)
+	stats data using 1:2 nooutput
+	last = STATS_blocks - 1
+	set title class noenhanced
+	plot 0.02 with lines dt 3 lc rgb 'grey' notitle, \
+		for [i=0:last-1] data index i using 1:2 with linespoints pt 7 ps 0.8 lc i+1 title columnheader(1), \
+		data index last using 1:2 with lines lw 3 lc rgb '#80000000' title columnheader(1)
+}
+unset multiplot
+set autoscale
 unset logscale
 unset key
 unset grid
