@@ -74,7 +74,8 @@ static const struct method *method_called(const char *name, int *index)
 
 static double aerosol_depth(const struct welkin_atmosphere *a)
 {
-	return (a->aerosol_scattering_per_m[1] + a->aerosol_absorption_per_m[1]) * a->aerosol_scale_height_m * a->density_factor;
+	return (a->aerosol_scattering_per_m[1] + a->aerosol_absorption_per_m[1]) * a->aerosol_scale_height_m *
+	       a->density_factor;
 }
 
 static double rayleigh_depth(const struct welkin_atmosphere *a)
@@ -97,8 +98,9 @@ static bool like_the_scenes(const struct welkin_request *r)
 static double error_in(const struct measured_point *setting, int scene)
 {
 	for (const struct measured_point *p = welkin_measured; p->method; p++)
-		if (p->scene == scene && p->in_domain && p->steps == setting->steps && p->light_steps == setting->light_steps &&
-			p->goal == setting->goal && !strcmp(p->method, setting->method))
+		if (p->scene == scene && p->in_domain && p->steps == setting->steps &&
+			p->light_steps == setting->light_steps && p->goal == setting->goal &&
+			!strcmp(p->method, setting->method))
 			return fmax(p->error, p->uncertainty);
 	return NAN;
 }
@@ -160,7 +162,8 @@ static double error_at_altitude(const struct measured_point *setting, double alt
 /* What a scene on the ground adds to the error in plain air under the same sun: 1 or more. */
 static double penalty(const struct measured_point *setting, int scene)
 {
-	const double y = error_in(setting, scene), usual = error_at_sun(setting, welkin_measured_scenes[scene].sun_elevation_deg);
+	const double y = error_in(setting, scene),
+		     usual = error_at_sun(setting, welkin_measured_scenes[scene].sun_elevation_deg);
 	return y > usual ? y / usual : 1;
 }
 
@@ -209,7 +212,8 @@ struct candidate {
 static bool first_of_setting(const struct measured_point *p)
 {
 	for (const struct measured_point *q = welkin_measured; q < p; q++)
-		if (q->steps == p->steps && q->light_steps == p->light_steps && q->goal == p->goal && !strcmp(q->method, p->method))
+		if (q->steps == p->steps && q->light_steps == p->light_steps && q->goal == p->goal &&
+			!strcmp(q->method, p->method))
 			return false;
 	return true;
 }
@@ -233,8 +237,8 @@ static bool fits_given(const struct measured_point *p, const struct welkin_reque
 	       (!terms->light_steps || p->light_steps == 0 || p->light_steps <= r->atmosphere.light_steps);
 }
 
-static bool make_candidate(const struct measured_point *p, const struct welkin_request *r, const struct choose_terms *terms,
-	bool known, struct candidate *c)
+static bool make_candidate(const struct measured_point *p, const struct welkin_request *r,
+	const struct choose_terms *terms, bool known, struct candidate *c)
 {
 	const struct method *m = method_called(p->method, &c->method);
 	struct welkin_request as_run = *r;
@@ -271,8 +275,8 @@ struct search {
 };
 
 /* The cheapest (or the most accurate) of those that err and cost at most so much. */
-static struct search search(const struct welkin_request *r, const struct choose_terms *terms, bool known, double max_error,
-	double budget_ms, bool cheap)
+static struct search search(const struct welkin_request *r, const struct choose_terms *terms, bool known,
+	double max_error, double budget_ms, bool cheap)
 {
 	struct search s = { false, { 0 } };
 	for (const struct measured_point *p = welkin_measured; p->method; p++) {
@@ -314,7 +318,9 @@ void choose_method(struct welkin_request *r, const struct choose_terms *terms)
 	if (known && demanding)
 		s = search(r, terms, known, r->max_error, budget_ms, true);
 	if (!s.found) {
-		a->choice = !known ? WELKIN_CHOICE_UNMEASURED : demanding ? WELKIN_CHOICE_BEST_EFFORT : WELKIN_CHOICE_ACCURATE;
+		a->choice = !known      ? WELKIN_CHOICE_UNMEASURED
+			    : demanding ? WELKIN_CHOICE_BEST_EFFORT
+					: WELKIN_CHOICE_ACCURATE;
 		s = search(r, terms, known, INFINITY, budget_ms, false);
 	}
 	if (!s.found) { /* nothing fits the budget: what comes nearest to it */
@@ -343,7 +349,8 @@ struct expectation choose_expect(const struct welkin_request *r, double pixels)
 		struct candidate c;
 		/* The measured setting that is next below what will be run. */
 		if (strcmp(p->method, welkin_methods[r->atmosphere.method]->name) || !first_of_setting(p) ||
-			p->steps + p->light_steps <= most || !fits_given(p, r, &terms) || !make_candidate(p, r, &terms, true, &c))
+			p->steps + p->light_steps <= most || !fits_given(p, r, &terms) ||
+			!make_candidate(p, r, &terms, true, &c))
 			continue;
 		most = p->steps + p->light_steps;
 		e = (struct expectation){ c.error, c.ms };

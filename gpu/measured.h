@@ -19,16 +19,17 @@ struct measured_point {
 	int steps, light_steps; /* 0: it doesn't read them */
 	double goal;            /* progressive methods: accuracy.max_error; 0 for others */
 	int in_domain;          /* of the method */
-	double error, uncertainty; /* relative RMSE of luminance, without the reference's noise, and its standard error */
-	double p99, delta_e;    /* 99th percentile of the relative error; mean CIEDE2000; noise included */
-	double frame_ms;        /* device time of a frame however small: its tables among it */
-	double mpixel_ms;       /* and of a million pixels */
-	double first_ms;        /* tables of an atmosphere that is new to the daemon */
+	double error,
+		uncertainty; /* relative RMSE of luminance, without the reference's noise, and its standard error */
+	double p99, delta_e; /* 99th percentile of the relative error; mean CIEDE2000; noise included */
+	double frame_ms;     /* device time of a frame however small: its tables among it */
+	double mpixel_ms;    /* and of a million pixels */
+	double first_ms;     /* tables of an atmosphere that is new to the daemon */
 };
 
-extern const char welkin_measured_device[]; /* "" where nothing was measured */
+extern const char welkin_measured_device[];                  /* "" where nothing was measured */
 extern const struct measured_scene welkin_measured_scenes[]; /* ends with a NULL name */
-extern const struct measured_point welkin_measured[];        /* ends with a NULL method; sorted by scene, method, setting */
+extern const struct measured_point welkin_measured[]; /* ends with a NULL method; sorted by scene, method, setting */
 
 /* Device time of a frame of so many pixels. */
 double measured_ms(const struct measured_point *point, double pixels);

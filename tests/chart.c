@@ -76,7 +76,8 @@ static double median(double *values, int n)
 }
 
 /* Warm: the first run is not counted. */
-static bool time_view(struct chart *c, const struct point *p, int width, int height, int runs, double *ms, double *tables)
+static bool time_view(
+	struct chart *c, const struct point *p, int width, int height, int runs, double *ms, double *tables)
 {
 	double all[RUNS], all_tables[RUNS], ignored[2];
 	struct welkin_request request = scene_view(p->scene, width, height);
@@ -142,7 +143,8 @@ static void write_map(const struct chart *c, const struct point *p, const float 
 {
 	char path[512];
 	const struct welkin_image *image = &p->scene->request.image;
-	snprintf(path, sizeof path, "%s/map-%s-%s.txt", c->folder, p->scene->name, welkin_methods[p->setting.method]->name);
+	snprintf(path, sizeof path, "%s/map-%s-%s.txt", c->folder, p->scene->name,
+		welkin_methods[p->setting.method]->name);
 	FILE *f = fopen(path, "w");
 	if (!f)
 		return;
@@ -184,9 +186,9 @@ static void print_point(const struct chart *c, const struct point *p)
 	const struct image_error *e = &p->error;
 	printf("%-17s %-12s %-14s %s rms %8.4f %% ± %.4f  p99 %8.3f %% (noise %.3f)  dE %7.3f (%.3f)  unsound %.2g  "
 	       "%9.3f ms + tables %.3f\n",
-		p->scene->name, welkin_methods[p->setting.method]->name, p->setting.label, p->covered ? " " : "*", 100 * e->rms,
-		100 * e->rms_uncertainty, 100 * e->p99, 100 * e->p99_noise, e->delta_e, e->delta_e_noise, e->unsound, p->ms,
-		p->ms_tables);
+		p->scene->name, welkin_methods[p->setting.method]->name, p->setting.label, p->covered ? " " : "*",
+		100 * e->rms, 100 * e->rms_uncertainty, 100 * e->p99, 100 * e->p99_noise, e->delta_e, e->delta_e_noise,
+		e->unsound, p->ms, p->ms_tables);
 	fflush(stdout);
 	(void)c;
 }
@@ -199,10 +201,13 @@ static bool measure_scene(struct chart *c, const struct calibration_scene *scene
 	bool ok = reference_get(&c->renderer, scene, c->folder, c->smoke ? 0.02 : reference_error,
 		c->smoke ? 1000 : reference_budget_ms, &reference);
 	for (int m = 0; ok && m < welkin_method_count; m++) {
-		const int n = method && strcmp(method, welkin_methods[m]->name) ? 0 : settings_of(m, c->smoke, settings);
+		const int n =
+			method && strcmp(method, welkin_methods[m]->name) ? 0 : settings_of(m, c->smoke, settings);
 		for (int i = 0; ok && i < n && c->n_points < POINTS_MAX; i++) {
 			struct point *p = &c->points[c->n_points];
-			*p = (struct point){ .scene = scene, .setting = settings[i], .covered = method_covers(m, &scene->request) };
+			*p = (struct point){
+				.scene = scene, .setting = settings[i], .covered = method_covers(m, &scene->request)
+			};
 			if (label && strcmp(label, settings[i].label))
 				continue;
 			ok = measure_error(c, p, &reference) && measure_cost(c, p);
@@ -235,17 +240,19 @@ static bool write_csv(const struct chart *c)
 	FILE *f = open_in(c->folder, "chart.csv");
 	if (!f)
 		return false;
-	fprintf(f, "class,scene,method,setting,in_domain,error_rms,error_rms_uncertainty,error_p99,p99_noise,delta_e,delta_e_noise,"
-		   "unsound_share,reference_std_error,uncertainty_within_a_tenth,ms,ms_small,ms_tables_frame,ms_tables_first,"
+	fprintf(f, "class,scene,method,setting,in_domain,error_rms,error_rms_uncertainty,error_p99,p99_noise,delta_e,"
+		   "delta_e_noise,"
+		   "unsound_share,reference_std_error,uncertainty_within_a_tenth,ms,ms_small,ms_tables_frame,ms_tables_"
+		   "first,"
 		   "cost_pixels,device\n");
 	for (int i = 0; i < c->n_points; i++) {
 		const struct point *p = &c->points[i];
 		const struct image_error *e = &p->error;
 		fprintf(f, "%s,%s,%s,%s,%d,%.6g,%.2g,%.6g,%.3g,%.4g,%.3g,%.3g,%.3g,%d,%.4g,%.4g,%.4g,%.4g,%d,\"%s\"\n",
-			p->scene->class, p->scene->name, welkin_methods[p->setting.method]->name, p->setting.label, p->covered,
-			e->rms, e->rms_uncertainty, e->p99, e->p99_noise, e->delta_e, e->delta_e_noise, e->unsound,
-			e->reference_std_error, e->rms_uncertainty <= e->rms / 10, p->ms, p->ms_small, p->ms_tables,
-			p->ms_first, p->cost_pixels, c->renderer.device.name);
+			p->scene->class, p->scene->name, welkin_methods[p->setting.method]->name, p->setting.label,
+			p->covered, e->rms, e->rms_uncertainty, e->p99, e->p99_noise, e->delta_e, e->delta_e_noise,
+			e->unsound, e->reference_std_error, e->rms_uncertainty <= e->rms / 10, p->ms, p->ms_small,
+			p->ms_tables, p->ms_first, p->cost_pixels, c->renderer.device.name);
 	}
 	return !fclose(f);
 }
@@ -256,14 +263,19 @@ static bool write_measured(const struct chart *c)
 	FILE *f = open_in(c->folder, "measured.inc");
 	if (!f)
 		return false;
-	fprintf(f, "/* Made by `make chart`, put here by `make chart-update`. */\n\nconst char welkin_measured_device[] = \"%s\";\n\n"
-		   "const struct measured_scene welkin_measured_scenes[] = {\n", c->renderer.device.name);
+	fprintf(f,
+		"/* Made by `make chart`, put here by `make chart-update`. */\n\nconst char welkin_measured_device[] = "
+		"\"%s\";\n\n"
+		"const struct measured_scene welkin_measured_scenes[] = {\n",
+		c->renderer.device.name);
 	for (int i = 0; i < c->n_scenes; i++) {
 		const struct welkin_request *r = &c->scenes[i].request;
 		const struct welkin_atmosphere *a = &r->atmosphere;
-		fprintf(f, "\t{ \"%s\", %g, %g, %.4g, %g },\n", c->scenes[i].name, r->sun.elevation_deg, r->camera.altitude_m,
+		fprintf(f, "\t{ \"%s\", %g, %g, %.4g, %g },\n", c->scenes[i].name, r->sun.elevation_deg,
+			r->camera.altitude_m,
 			(a->aerosol_scattering_per_m[1] + a->aerosol_absorption_per_m[1]) * a->aerosol_scale_height_m *
-				a->density_factor, r->ground_albedo[1]);
+				a->density_factor,
+			r->ground_albedo[1]);
 	}
 	fprintf(f, "\t{ NULL },\n};\n\nconst struct measured_point welkin_measured[] = {\n");
 	for (int i = 0; i < c->n_points; i++) {
@@ -272,9 +284,9 @@ static bool write_measured(const struct chart *c)
 		const double per_mpixel = fmax((p->ms - p->ms_small) / (large - small), 0);
 		fprintf(f, "\t{ %d, \"%s\", %d, %d, %g, %d, %.4g, %.2g, %.4g, %.4g, %.4g, %.4g, %.4g },\n",
 			(int)(p->scene - c->scenes), welkin_methods[p->setting.method]->name, p->setting.steps,
-			p->setting.light_steps, p->setting.max_error, p->covered, p->error.rms, p->error.rms_uncertainty,
-			p->error.p99, p->error.delta_e, p->ms_tables + fmax(p->ms - per_mpixel * large, 0), per_mpixel,
-			p->ms_first);
+			p->setting.light_steps, p->setting.max_error, p->covered, p->error.rms,
+			p->error.rms_uncertainty, p->error.p99, p->error.delta_e,
+			p->ms_tables + fmax(p->ms - per_mpixel * large, 0), per_mpixel, p->ms_first);
 	}
 	fprintf(f, "\t{ 0, NULL },\n};\n");
 	return !fclose(f);
@@ -296,7 +308,7 @@ static int pool_class(const struct chart *c, const char *class, struct pooled po
 		for (int k = 0; k < c->n_points; k++) {
 			const struct point *q = &c->points[k];
 			if (strcmp(q->scene->class, class) || q->setting.method != p->setting.method ||
-			    strcmp(q->setting.label, p->setting.label) || !q->covered)
+				strcmp(q->setting.label, p->setting.label) || !q->covered)
 				continue;
 			earlier += k < i;
 			same++;
@@ -318,13 +330,16 @@ static int by_ms(const void *a, const void *b)
 	return (x->ms > y->ms) - (x->ms < y->ms);
 }
 
-/* plot-CLASS.txt: a block per method, "ms error", and the Pareto front last. */
-static bool write_class(const struct chart *c, const char *class)
+/* plot-CLASS.txt: a block per method, "ms error", and the Pareto front last. Listed if there are any points. */
+static bool write_class(const struct chart *c, const char *class, FILE *list)
 {
 	static struct pooled pooled[POINTS_MAX];
 	char name[64];
 	const int n = pool_class(c, class, pooled);
 	double best = INFINITY;
+	if (n == 0)
+		return true;
+	fprintf(list, "%s\n", class);
 	snprintf(name, sizeof name, "plot-%s.txt", class);
 	FILE *f = open_in(c->folder, name);
 	if (!f)
@@ -356,8 +371,7 @@ static bool write_plots(const struct chart *c)
 	for (int i = 0; ok && i < c->n_scenes; i++) {
 		if (i > 0 && !strcmp(c->scenes[i].class, c->scenes[i - 1].class))
 			continue;
-		fprintf(list, "%s\n", c->scenes[i].class);
-		ok = write_class(c, c->scenes[i].class);
+		ok = write_class(c, c->scenes[i].class, list);
 	}
 	if (list && fclose(list) != 0)
 		ok = false;
@@ -375,7 +389,8 @@ static bool plausible(const struct chart *c)
 	for (int i = 0; i < c->n_points; i++) {
 		const struct point *p = &c->points[i];
 		const struct method *m = welkin_methods[p->setting.method];
-		const double bound = m->physical ? m->single_scattering ? 0.6 : 0.15 : 3;
+		const double goal = p->setting.max_error;
+		const double bound = goal > 0 ? 1.5 * goal : !m->physical ? 4 : m->single_scattering ? 0.7 : 0.15;
 		if (p->covered && (p->error.unsound > 0 || !(p->error.rms < bound) || !(p->ms > 0))) {
 			fprintf(stderr, "chart: %s of %s fails (bound %g)\n", m->name, p->scene->name, bound);
 			ok = false;

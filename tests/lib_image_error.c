@@ -9,7 +9,8 @@ static const double floor_of_mean = 0.01, black_of_mean = 1e-4;
 
 double rec709_luminance(const float rgb[3])
 {
-	return 0.2126390058715104 * (double)rgb[0] + 0.7151686787677559 * (double)rgb[1] + 0.0721923153607337 * (double)rgb[2];
+	return 0.2126390058715104 * (double)rgb[0] + 0.7151686787677559 * (double)rgb[1] +
+	       0.0721923153607337 * (double)rgb[2];
 }
 
 /* Of the runs from first to last − 1. */
@@ -105,8 +106,9 @@ static void add_pixel(struct sums *s, const struct reference_image *r, const flo
 	s->delta_e += w * delta_e(rgb, mean, r->exposure_scale);
 	s->delta_e_noise += w * delta_e(half[0], half[1], r->exposure_scale) / 2;
 	s->errors[s->n] = (struct ranked){ fabs(error), w };
-	s->noises[s->n++] = (struct ranked){ fabs(rec709_luminance(r->runs[0] + i * 4) - Y) / fmax(Y, floor) /
-			sqrt(REFERENCE_RUNS - 1), w };
+	s->noises[s->n++] = (struct ranked){
+		fabs(rec709_luminance(r->runs[0] + i * 4) - Y) / fmax(Y, floor) / sqrt(REFERENCE_RUNS - 1), w
+	};
 }
 
 static void conclude(struct sums *s, struct image_error *e)
@@ -129,7 +131,8 @@ bool image_error(const struct reference_image *r, const float *rgba, const doubl
 	float *signed_map)
 {
 	const int n = r->width * r->height;
-	struct sums s = { .errors = calloc((size_t)n, sizeof *s.errors), .noises = calloc((size_t)n, sizeof *s.noises) };
+	struct sums s = { .errors = calloc((size_t)n, sizeof *s.errors),
+		.noises = calloc((size_t)n, sizeof *s.noises) };
 	double mean = 0, total = 0;
 	const bool ok = s.errors && s.noises;
 	for (int i = 0; i < n; i++) {
@@ -148,7 +151,8 @@ bool image_error(const struct reference_image *r, const float *rgba, const doubl
 			signed_map[i] = NAN;
 		if (!sound(pixel))
 			s.unsound += weights[i];
-		if (!isfinite(rec709_luminance(pixel)) || (Y < black_of_mean * mean && rec709_luminance(pixel) < black_of_mean * mean))
+		if (!isfinite(rec709_luminance(pixel)) ||
+			(Y < black_of_mean * mean && rec709_luminance(pixel) < black_of_mean * mean))
 			continue;
 		add_pixel(&s, r, pixel, i, weights[i], floor_of_mean * mean, Y, variance);
 		if (signed_map)

@@ -22,10 +22,9 @@ struct reference_image {
 	double ms;                   /* device time of one run, without tables */
 };
 
-
 struct image_error {
-	double rms, rms_uncertainty;   /* relative RMSE of luminance without the reference's noise; one standard error */
-	double p99, p99_noise;         /* 99th percentile of the relative error, noise included, and of the noise alone */
+	double rms, rms_uncertainty; /* relative RMSE of luminance without the reference's noise; one standard error */
+	double p99, p99_noise;       /* 99th percentile of the relative error, noise included, and of the noise alone */
 	double delta_e, delta_e_noise; /* mean CIEDE2000 at the reference's exposure, and what noise alone gives */
 	double unsound;                /* share of pixels that are not finite or negative */
 	double reference_std_error;    /* relative, RMS over pixels */

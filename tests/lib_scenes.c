@@ -20,7 +20,8 @@ static bool load(const char *path, struct calibration_scene *scene)
 	if (file)
 		fclose(file);
 	const char *slash = strrchr(path, '/');
-	snprintf(scene->name, sizeof scene->name, "%.*s", (int)strcspn(slash ? slash + 1 : path, "."), slash ? slash + 1 : path);
+	snprintf(scene->name, sizeof scene->name, "%.*s", (int)strcspn(slash ? slash + 1 : path, "."),
+		slash ? slash + 1 : path);
 	snprintf(scene->class, sizeof scene->class, "%.*s", (int)strcspn(scene->name, "-"), scene->name);
 	welkin_parse_json(&draft, text, length, NULL, &faults);
 	welkin_resolve(&draft, WELKIN_EXR, &limits, &scene->request, &faults);
@@ -76,7 +77,8 @@ double (*scene_directions(const struct welkin_request *r))[3]
 		double v[3];
 		local_direction(r, i % r->image.width, i / r->image.width, v);
 		for (int c = 0; c < 3; c++)
-			out[i][c] = v[0] * (double)scene.frame.camera_right[c] + v[1] * (double)scene.frame.camera_up[c] +
+			out[i][c] = v[0] * (double)scene.frame.camera_right[c] +
+				    v[1] * (double)scene.frame.camera_up[c] +
 				    v[2] * (double)scene.frame.camera_forward[c];
 		const double length = sqrt(out[i][0] * out[i][0] + out[i][1] * out[i][1] + out[i][2] * out[i][2]);
 		for (int c = 0; c < 3; c++)

@@ -35,7 +35,8 @@ int settings_of(int method, bool coarse, struct setting settings[SETTINGS_MAX])
 		if (light)
 			s->light_steps = step_counts[i];
 		if (steps || light)
-			snprintf(s->label, sizeof s->label, light ? "%d x %d steps" : "%d steps", step_counts[i], step_counts[i]);
+			snprintf(s->label, sizeof s->label, light ? "%d x %d steps" : "%d steps", step_counts[i],
+				step_counts[i]);
 		if (goals) {
 			s->max_error = error_goals[i];
 			snprintf(s->label, sizeof s->label, "to %g %%", 100 * error_goals[i]);

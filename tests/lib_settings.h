@@ -7,10 +7,10 @@ enum { SETTINGS_MAX = 16 };
 
 /* One way to run a method: the request fields that it declares, swept. */
 struct setting {
-	int method;            /* index into welkin_methods */
-	char label[40];        /* "steps 30", "" where there is nothing to set */
+	int method;             /* index into welkin_methods */
+	char label[40];         /* "steps 30", "" where there is nothing to set */
 	int steps, light_steps; /* 0: the method doesn't read it */
-	double max_error;      /* 0: likewise; progressive methods */
+	double max_error;       /* 0: likewise; progressive methods */
 };
 
 /* Coarse: two of each, for a smoke test. Returns how many. */

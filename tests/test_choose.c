@@ -47,7 +47,8 @@ static void for_all_skies(void (*check)(const struct welkin_request *request))
 		for (size_t a = 0; a < sizeof altitudes / sizeof *altitudes; a++)
 			for (size_t e = 0; e < sizeof errors / sizeof *errors; e++)
 				for (size_t b = 0; b < sizeof budgets / sizeof *budgets; b++) {
-					const struct welkin_request r = left_to_us(altitudes[a], suns[s], errors[e], budgets[b]);
+					const struct welkin_request r =
+						left_to_us(altitudes[a], suns[s], errors[e], budgets[b]);
 					check(&r);
 				}
 }
@@ -80,7 +81,8 @@ static void check_nothing_cheaper(const struct welkin_request *request)
 	assert_true(r.budget_ms <= 0 || mine.ms <= r.budget_ms);
 	for (const struct measured_point *p = welkin_measured; p->method; p++) {
 		struct welkin_request other = r;
-		for (other.atmosphere.method = 0; strcmp(welkin_methods[other.atmosphere.method]->name, p->method) != 0;)
+		for (other.atmosphere.method = 0;
+			strcmp(welkin_methods[other.atmosphere.method]->name, p->method) != 0;)
 			assert_true(++other.atmosphere.method < welkin_method_count);
 		const struct method *m = welkin_methods[other.atmosphere.method];
 		if (p->steps)
@@ -105,7 +107,8 @@ static void test_no_valid_method_is_cheaper(void **state)
 static void check_budget(const struct welkin_request *request)
 {
 	const struct welkin_request r = chosen(request, frame, false);
-	if (r.budget_ms > 0 && (r.atmosphere.choice == WELKIN_CHOICE_ACCURATE || r.atmosphere.choice == WELKIN_CHOICE_CHEAPEST))
+	if (r.budget_ms > 0 &&
+		(r.atmosphere.choice == WELKIN_CHOICE_ACCURATE || r.atmosphere.choice == WELKIN_CHOICE_CHEAPEST))
 		assert_true(choose_expect(&r, frame).ms <= r.budget_ms);
 }
 
@@ -262,8 +265,8 @@ static void test_the_data_is_whole(void **state)
 			for (const struct measured_point *p = welkin_measured; p->method; p++)
 				found += p->scene == s && !strcmp(p->method, welkin_methods[m]->name);
 			if (found == 0)
-				fail_msg("%s was not measured on %s: run `make chart chart-update`", welkin_methods[m]->name,
-					welkin_measured_scenes[s].name);
+				fail_msg("%s was not measured on %s: run `make chart chart-update`",
+					welkin_methods[m]->name, welkin_measured_scenes[s].name);
 		}
 }
 
