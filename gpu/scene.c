@@ -63,8 +63,8 @@ static void set_camera(struct FrameBlock *frame, const struct welkin_request *re
 	to_vec4(frame->camera_right, rolled_right, 0);
 	to_vec4(frame->camera_up, rolled_up, 0);
 
-	double from_center[3] = { camera->position_m[0],
-		camera->position_m[1] + request->atmosphere.planet_radius_m, camera->position_m[2] };
+	double from_center[3] = { camera->position_m[0], camera->position_m[1] + request->atmosphere.planet_radius_m,
+		camera->position_m[2] };
 	const double r = hypot(hypot(from_center[0], from_center[1]), from_center[2]);
 	for (int i = 0; i < 3; i++)
 		from_center[i] /= r;
@@ -132,8 +132,8 @@ static double phase_aerosol(const struct welkin_atmosphere *air, double nu)
 /* Delta-M (after Wiscombe 1977) of that phase function for two moments and a peak. What it scatters by less than
  * PEAK_DEG counts as not scattered at all; that share f leaves (chi - f) / (1 - f) of each Legendre moment.
  * Wiscombe's own f, the third moment, is 0.51 at g = 0.8 and takes for unscattered what long paths at low suns
- * lose: the sky of preset earth is then up to 15 % too bright at the horizon at sunset, and 5 % with this. Midpoint rule in u with
- * 1 - nu = 2 u^4, which resolves peaks of g = 0.999. */
+ * lose: the sky of preset earth is then up to 15 % too bright at the horizon at sunset, and 5 % with this. Midpoint
+ * rule in u with 1 - nu = 2 u^4, which resolves peaks of g = 0.999. */
 static void delta_scale(const struct welkin_atmosphere *air, double moments[2], double *f)
 {
 	enum { N = 512 };
@@ -198,8 +198,8 @@ static void set_band(struct BandsBlock *bands, int i, const struct MediaBlock *m
 	bands->aerosol_scattering[i] = (float)aerosol;
 	bands->aerosol_extinction[i] = (float)(aerosol + absorbed);
 	bands->aerosol_scaled_extinction[i] = (float)(absorbed + aerosol * media->aerosol_moments[2]);
-	bands->ozone[i] = (float)(air->ozone_column_du * dobson_per_m2 * spectrum_ozone(wavelength_nm) /
-				  air->ozone_half_width_m);
+	bands->ozone[i] =
+		(float)(air->ozone_column_du * dobson_per_m2 * spectrum_ozone(wavelength_nm) / air->ozone_half_width_m);
 	bands->ground_albedo[i] = (float)spectrum_linear(request->ground_albedo, wavelength_nm);
 	for (int k = 0; k < 3; k++) {
 		bands->daylight[k][i] = (float)daylight[k];

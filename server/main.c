@@ -46,7 +46,8 @@ static void print_measured(const struct method *m, int scene)
 {
 	const struct measured_point *best = NULL;
 	for (const struct measured_point *p = welkin_measured; p->method; p++)
-		if (p->scene == scene && !strcmp(p->method, m->name) && p->in_domain && (!best || p->error < best->error))
+		if (p->scene == scene && !strcmp(p->method, m->name) && p->in_domain &&
+			(!best || p->error < best->error))
 			best = p;
 	if (!best)
 		return;
@@ -59,13 +60,16 @@ static void print_measured(const struct method *m, int scene)
 
 static int methods_command(void)
 {
-	printf("Errors (relative RMS of luminance) of each method's best setting, and device time of a 1280x720 frame on\n%s\n\n",
+	printf("Errors (relative RMS of luminance) of each method's best setting, and device time of a 1280x720 frame "
+	       "on\n%s\n\n",
 		welkin_measured_device);
 	for (int i = 0; i < welkin_method_count; i++) {
 		const struct method *m = welkin_methods[i];
-		printf("%-14s %s\n%-14s source: %s\n", m->name, m->summary ? m->summary : "", "", m->source ? m->source : "");
+		printf("%-14s %s\n%-14s source: %s\n", m->name, m->summary ? m->summary : "", "",
+			m->source ? m->source : "");
 		for (const struct method_range *r = m->domain; r && r->field; r++)
-			printf("%-14s domain: %s from %.9g to %.9g (%s)\n", "", r->field, r->min, r->max, r->why ? r->why : "");
+			printf("%-14s domain: %s from %.9g to %.9g (%s)\n", "", r->field, r->min, r->max,
+				r->why ? r->why : "");
 		for (int scene = 0; welkin_measured_scenes[scene].name; scene++)
 			print_measured(m, scene);
 	}
@@ -75,7 +79,9 @@ static int methods_command(void)
 /* `welkin renderer --fd N …`: how the supervisor starts the renderer process; not for people. */
 static int renderer_command(int argc, char **argv)
 {
-	struct welkin_renderer_config config = { .device = "auto", .slice_ms = 8, .table_budget_mib = 256, .warmup = 1 };
+	struct welkin_renderer_config config = {
+		.device = "auto", .slice_ms = 8, .table_budget_mib = 256, .warmup = 1
+	};
 	int fd = -1;
 	for (int i = 1; i + 1 < argc; i += 2) {
 		if (!strcmp(argv[i], "--fd"))

@@ -4,8 +4,8 @@
 static const char *const fields[] = { "atmosphere.steps", NULL };
 static const struct method_range domain[] = { { NULL } };
 
-static enum table_state tables(struct frame_tables *frame_tables, const struct scene *scene, int batch,
-	struct error *err)
+static enum table_state tables(
+	struct frame_tables *frame_tables, const struct scene *scene, int batch, struct error *err)
 {
 	return need_precomputed(frame_tables, scene, batch, err);
 }
