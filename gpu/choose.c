@@ -349,8 +349,8 @@ struct expectation choose_expect(const struct welkin_request *r, double pixels)
 		struct candidate c;
 		/* The measured setting that is next below what will be run. */
 		if (strcmp(p->method, welkin_methods[r->atmosphere.method]->name) || !first_of_setting(p) ||
-			p->steps + p->light_steps <= most || !fits_given(p, r, &terms) ||
-			!make_candidate(p, r, &terms, true, &c))
+			p->steps + p->light_steps < most || !fits_given(p, r, &terms) ||
+			!make_candidate(p, r, &terms, true, &c) || (p->steps + p->light_steps == most && c.ms >= e.ms))
 			continue;
 		most = p->steps + p->light_steps;
 		e = (struct expectation){ c.error, c.ms };

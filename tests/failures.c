@@ -7,8 +7,8 @@
  *     discontinuous: a thousandth of a degree beside it, another number by more than JUMP;
  *     wrong: off `reference` by more than WRONG and four of its standard errors. Methods of single
  *     scattering are held against the first order of `reference`; analytic ones have WRONG_ANALYTIC, for
- *     they know nothing of the media. Where the path tracer finds hardly any light (late twilight, thick air:
- *     nothing, or a standard error above a third), another method of all orders stands in for it.
+ *     they know nothing of the media. Where the path tracer did not settle in its time (late twilight, thick
+ *     air), a direction is wrong if it is off another method of all orders as well.
  *
  *     failures [--smoke] FOLDER
  *
@@ -161,10 +161,10 @@ static enum failing judge(
 	return isfinite(L_beside) && fabs(*value) > jump ? DISCONTINUOUS : SOUND;
 }
 
-/* The reply of `reference` cannot be trusted on a value: rare paths carry the light. */
+/* Rare paths carry the light and the reference did not settle in its time: its standard error may be far too small. */
 static bool unsure(double truth, double std_error)
 {
-	return !(truth > 0) || std_error > truth / 3;
+	return !(truth > 0) || std_error > 2 * reference_error * truth;
 }
 
 /* stand_in: the reply of another method, or NULL. */
@@ -187,8 +187,11 @@ static struct verdict judge_all(
 			for (int k = 0; k < c->n / 2; k++)
 				brightest = fmax(brightest, truths[k * BANDS + b]);
 			if (stand_in && !method->single_scattering && unsure(truth, std_error)) {
-				truth = stand_in[at.radiance + (size_t)(2 * i * BANDS + b)];
-				std_error = 0;
+				const double other = stand_in[at.radiance + (size_t)(2 * i * BANDS + b)];
+				if (fabs(L[0] - other) < fabs(L[0] - truth)) {
+					truth = other;
+					std_error = 0;
+				}
 				crossed = true;
 			}
 			const enum failing kind =
