@@ -20,7 +20,7 @@
 
 enum { WIDTH = 1280, HEIGHT = 720, SMALL = 8, RUNS = 5, POINTS_MAX = 2048 };
 
-static const double slow_ms = 300, reference_error = 0.002, reference_budget_ms = 8000;
+static const double slow_ms = 300, reference_error = 0.002, reference_budget_ms = 8000, progressive_ms = 20e3;
 static const double largest_error = 10; /* on the charts */
 
 struct point {
@@ -181,6 +181,16 @@ static bool measure_error(struct chart *c, struct point *p, const struct referen
 
 /* ---- all of them ---- */
 
+/* A progressive setting that would take too long, by what the last, coarser one took: left out. */
+static bool too_slow(const struct chart *c, const struct setting *setting)
+{
+	const struct point *last = c->n_points > 0 ? &c->points[c->n_points - 1] : NULL;
+	if (!(setting->max_error > 0) || !last || last->setting.method != setting->method)
+		return false;
+	const double took_ms = last->ms * last->cost_pixels / (WIDTH * HEIGHT);
+	return took_ms * pow(last->setting.max_error / setting->max_error, 2) > progressive_ms;
+}
+
 static void print_point(const struct chart *c, const struct point *p)
 {
 	const struct image_error *e = &p->error;
@@ -208,7 +218,7 @@ static bool measure_scene(struct chart *c, const struct calibration_scene *scene
 			*p = (struct point){
 				.scene = scene, .setting = settings[i], .covered = method_covers(m, &scene->request)
 			};
-			if (label && strcmp(label, settings[i].label))
+			if ((label && strcmp(label, settings[i].label)) || too_slow(c, &settings[i]))
 				continue;
 			ok = measure_error(c, p, &reference) && measure_cost(c, p);
 			if (ok && welkin_methods[m]->tables && first[m] <= 0)
@@ -434,8 +444,8 @@ int main(int argc, char **argv)
 		if (argc < 3 || !strcmp(argv[2], s->name))
 			ok = measure_scene(&c, s, argc > 3 ? argv[3] : NULL, argc > 4 ? argv[4] : NULL);
 	}
-	if (argc == 2)
-		ok = ok && write_csv(&c) && write_measured(&c) && write_plots(&c);
+	if (argc == 2) /* what there is, also when a renderer gave up on the way */
+		ok = write_csv(&c) && write_measured(&c) && write_plots(&c) && ok;
 	ok = lib_render_stop(&c.renderer) == 0 && ok;
 	return ok && (!c.smoke || plausible(&c)) ? 0 : 1;
 }
