@@ -191,8 +191,8 @@ chart: $(B)/tests/chart
 	gnuplot -e "folder='$(B)/chart'" tests/chart.gp
 chart-update:
 	cp $(B)/chart/measured.inc gpu/measured.inc
-	@mkdir -p api/www/pictures
-	cp $(B)/chart/chart.png api/www/pictures/chart.png
+	@mkdir -p deploy/pictures
+	cp $(B)/chart/chart.png deploy/pictures/chart.png
 chart-smoke: $(B)/tests/chart
 	@mkdir -p $(B)/chart-smoke
 	$(B)/tests/chart --smoke $(B)/chart-smoke

@@ -322,7 +322,7 @@ static int pool_class(const struct chart *c, const char *class, struct pooled po
 				continue;
 			earlier += k < i;
 			same++;
-			sum.error += q->error.rms * q->error.rms;
+			sum.error += pow(fmax(q->error.rms, q->error.rms_uncertainty), 2); /* what could be told */
 			sum.ms += q->ms + q->ms_tables;
 		}
 		if (same == 0 || earlier || strcmp(p->scene->class, class) || !p->covered)

@@ -8,6 +8,7 @@ set cbtics ('sound' 0, 'jumps' 1, 'wrong' 2, 'negative' 3, 'not finite' 4, 'outs
 set xlabel 'sun elevation, degrees'
 set ylabel 'camera altitude, m'
 unset key
+set rmargin 22
 do for [file in system(sprintf("ls %s/failure-*.txt", folder))] {
 	set output file[1:strlen(file)-4] . '.png'
 	set title system(sprintf("basename '%s' .txt", file)) noenhanced
