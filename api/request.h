@@ -48,6 +48,16 @@ enum welkin_tone_map {
 	WELKIN_TONE_NONE
 };
 
+/* Who chose the method, and why this one. Not a field: set where auto is replaced. */
+enum welkin_choice {
+	WELKIN_CHOICE_CLIENT,
+	WELKIN_CHOICE_CHEAPEST,    /* within accuracy.max_error */
+	WELKIN_CHOICE_ACCURATE,    /* the most accurate within accuracy.budget_ms, or at all */
+	WELKIN_CHOICE_BEST_EFFORT, /* none keeps accuracy.max_error */
+	WELKIN_CHOICE_OVER_BUDGET, /* none keeps accuracy.budget_ms */
+	WELKIN_CHOICE_UNMEASURED,  /* no scene like this was measured */
+};
+
 struct welkin_image {
 	int32_t width, height;
 	int32_t projection;      /* enum welkin_projection */
@@ -80,7 +90,7 @@ struct welkin_sun {
 
 struct welkin_atmosphere {
 	int32_t preset;   /* enum welkin_preset; only a label once resolved */
-	int32_t method;   /* index into welkin_method_names */
+	int32_t method;   /* index into welkin_method_names; the last, auto, only until gpu/choose.h has chosen */
 	int32_t spectrum; /* enum welkin_spectrum; images only */
 	int32_t steps;
 	int32_t light_steps;
@@ -91,7 +101,7 @@ struct welkin_atmosphere {
 	double rayleigh_scattering_per_m[3], rayleigh_scale_height_m;
 	double aerosol_scattering_per_m[3], aerosol_absorption_per_m[3], aerosol_scale_height_m, aerosol_g;
 	int32_t aerosol_phase; /* enum welkin_phase */
-	int32_t reserved;
+	int32_t choice;        /* enum welkin_choice */
 	double ozone_column_du, ozone_center_m, ozone_half_width_m;
 };
 

@@ -1,5 +1,6 @@
 #include "gpu/frame.h"
 
+#include "gpu/choose.h"
 #include "gpu/clock.h"
 
 #include <math.h>
@@ -71,7 +72,7 @@ static void prepare(struct frame *f)
 	f->result.id = job->id;
 	f->result.bands = f->scene.n_bands;
 	f->result.exposure_scale = 1;
-	f->result.expected_error = NAN;
+	f->result.expected_error = f->method->progressive ? NAN : choose_expect(&job->request, 0).error;
 }
 
 struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, int memfd, struct error *err)
