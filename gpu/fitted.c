@@ -111,7 +111,23 @@ static struct span span_at(const double *node, int n, double x)
 enum { LOG_SKY, LOG_GROUND, SKY_ALBEDO, SHAPE, GROUND_SHAPE = SHAPE + FITTED_TERMS,
 	VALUES = GROUND_SHAPE + FITTED_GROUND_TERMS };
 
-static void add_node(double value[VALUES], double weight, int t, int sun, int w)
+/* The two nodes about x alone, so that positive skies stay positive: cubics swing below 0 where the light around
+ * a setting sun dies away with turbidity. */
+static struct span linear_at(const double *node, int n, double x)
+{
+	struct span span = span_at(node, n, x);
+	int i = 0;
+	x = clamp(x, node[0], node[n - 1]);
+	while (i < n - 2 && x > node[i + 1])
+		i++;
+	const double u = (x - node[i]) / (node[i + 1] - node[i]);
+	for (int k = 0; k < 4; k++)
+		span.weight[k] = span.first + k == i ? 1 - u : span.first + k == i + 1 ? u : 0;
+	return span;
+}
+
+/* weight: of the logarithms; shape_weight: of the shapes. */
+static void add_node(double value[VALUES], double weight, double shape_weight, int t, int sun, int w)
 {
 	const short *sky = fitted_sky[t][sun][w], *ground = fitted_ground[t][sun][w];
 	const double ozone = fitted_ozone_mass[sun] * fitted_ozone_depth(300, fitted_nm[w]);
@@ -119,30 +135,35 @@ static void add_node(double value[VALUES], double weight, int t, int sun, int w)
 	value[LOG_GROUND] += weight * (fitted_log_ground[t][sun][w] * FITTED_LOG_QUANTUM + ozone);
 	value[SKY_ALBEDO] += weight * fitted_sky_albedo[t][w];
 	for (int k = 0; k < FITTED_TERMS; k++)
-		value[SHAPE + k] += weight * sky[k] * fitted_sky_quantum[k];
+		value[SHAPE + k] += shape_weight * sky[k] * fitted_sky_quantum[k];
 	for (int k = 0; k < FITTED_GROUND_TERMS; k++)
-		value[GROUND_SHAPE + k] += weight * ground[k] * fitted_ground_quantum[k];
+		value[GROUND_SHAPE + k] += shape_weight * ground[k] * fitted_ground_quantum[k];
 }
 
 void fitted_coefficients(double turbidity, double sun_elevation_deg, double albedo, double ozone_column_du,
-	double wavelength_nm, double coefficient[FITTED_TERMS])
+	double wavelength_nm, double coefficient[FITTED_TERMS], double *mean)
 {
 	double log_nm[FITTED_WAVELENGTHS], value[VALUES] = { 0 }, mass = 0;
 	for (int w = 0; w < FITTED_WAVELENGTHS; w++)
 		log_nm[w] = log(fitted_nm[w]);
 	const struct span of_t = span_at(fitted_turbidities, FITTED_TURBIDITIES, turbidity);
+	const struct span shape_of_t = linear_at(fitted_turbidities, FITTED_TURBIDITIES, turbidity);
 	const struct span of_sun = span_at(fitted_suns_deg, FITTED_SUNS, sun_elevation_deg);
 	const struct span of_nm = span_at(log_nm, FITTED_WAVELENGTHS, log(wavelength_nm));
 	for (int s = 0; s < 4; s++) {
 		mass += of_sun.weight[s] * fitted_ozone_mass[of_sun.first + s];
 		for (int t = 0; t < 4; t++)
-			for (int w = 0; w < 4; w++)
-				add_node(value, of_sun.weight[s] * of_t.weight[t] * of_nm.weight[w], of_t.first + t,
+			for (int w = 0; w < 4; w++) {
+				const double both = of_sun.weight[s] * of_nm.weight[w];
+				add_node(value, both * of_t.weight[t], both * shape_of_t.weight[t], of_t.first + t,
 					of_sun.first + s, of_nm.first + w);
+			}
 	}
 	const double through = exp(-mass * fitted_ozone_depth(ozone_column_du, wavelength_nm));
 	const double sky = exp(value[LOG_SKY]) * through, s = value[SKY_ALBEDO];
 	const double ground = exp(value[LOG_GROUND]) * through * albedo * (1 - s) / (1 - albedo * s);
+	if (mean)
+		*mean = sky + ground;
 	for (int k = 0; k < FITTED_TERMS; k++)
 		coefficient[k] = sky * value[SHAPE + k];
 	for (int k = 0; k < FITTED_GROUND_TERMS; k++)
@@ -167,6 +188,9 @@ static void sky_mean_terms(double mu_s, double mean[FITTED_TERMS])
 	}
 }
 
+/* The darkest place of a sky: fits and interpolation may miss it by more than it is. */
+static const double least_of_mean = 0.003;
+
 struct place {
 	double turbidity, elevation_deg, mu_s, ozone_du, stretch;
 	double rayleigh, aerosol, ozone; /* share of each above the camera; ozone: slant factor of the sun at the ground */
@@ -179,10 +203,10 @@ static void set_band(struct FittedBlock *block, int i, const struct BandsBlock *
 	const double sun = (double)bands->sun_irradiance[i];
 	const double rayleigh = fitted_rayleigh_depth(nm), aerosol = fitted_aerosol_depth(at->turbidity);
 	const double ozone = fitted_ozone_depth(at->ozone_du, nm);
-	double k[FITTED_TERMS], below[FITTED_TERMS], irradiance = 0;
+	double k[FITTED_TERMS], below[FITTED_TERMS], irradiance = 0, mean;
 	/* Molecules in thinner air look like those at sea level at a longer wavelength. */
-	fitted_coefficients(1 + (at->turbidity - 1) * at->aerosol, at->elevation_deg, albedo, at->ozone_du, nm * at->stretch, k);
-	fitted_coefficients(at->turbidity, at->elevation_deg, albedo, at->ozone_du, nm, below);
+	fitted_coefficients(1 + (at->turbidity - 1) * at->aerosol, at->elevation_deg, albedo, at->ozone_du, nm * at->stretch, k, &mean);
+	fitted_coefficients(at->turbidity, at->elevation_deg, albedo, at->ozone_du, nm, below, NULL);
 	for (int n = 0; n < FITTED_TERMS; n++) {
 		block->term[n][i] = (float)(k[n] * sun);
 		irradiance += below[n] * at->mean_terms[n] * M_PI;
@@ -190,6 +214,7 @@ static void set_band(struct FittedBlock *block, int i, const struct BandsBlock *
 	if (at->mu_s > 0)
 		irradiance += at->mu_s * exp(-rayleigh * fitted_air_mass(rayleigh_scale_height_m, at->mu_s) -
 					     aerosol * fitted_air_mass(aerosol_scale_height_m, at->mu_s) - ozone * at->ozone);
+	block->least[i] = (float)(least_of_mean * mean * sun);
 	block->ground[i] = (float)(albedo / M_PI * fmax(irradiance, 0) * sun);
 	block->depth[0][i] = (float)(rayleigh * at->rayleigh);
 	block->depth[1][i] = (float)(aerosol * at->aerosol);

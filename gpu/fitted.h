@@ -45,10 +45,11 @@ void fitted_terms(const double exponent[FITTED_EXPONENTS], double cos_theta, dou
 extern const int fitted_ground_term[FITTED_GROUND_TERMS];
 
 /* Coefficients of radiance per unit of the sun's irradiance. Values outside what was fitted are moved to its edge.
- * Interpolation: cubic in sun elevation and turbidity, cubic in the logarithm of the wavelength with the ozone
- * taken out, in albedo by the series of reflections between ground and sky. */
+ * Interpolation: cubic in sun elevation, and in the logarithm of the wavelength with the ozone taken out; of brightness
+ * cubic, of shape linear in turbidity; in albedo by the series of reflections between ground and sky. mean, NULL:
+ * not wanted, over the upper hemisphere. */
 void fitted_coefficients(double turbidity, double sun_elevation_deg, double albedo, double ozone_column_du,
-	double wavelength_nm, double coefficient[FITTED_TERMS]);
+	double wavelength_nm, double coefficient[FITTED_TERMS], double *mean);
 
 /* Fills scene->fitted, which shaders/methods/fitted.comp reads. */
 void fitted_prepare(struct scene *scene, const struct welkin_request *request);

@@ -150,6 +150,7 @@ WELKIN_BLOCK(FittedBlock, BIND_FITTED)
 	vec4 term[16];         /* W/m²/sr/nm: coefficient of each product, in the order of fitted_terms() */
 	vec4 depth[3];         /* vertical optical depth above the camera: Rayleigh, aerosol, ozone */
 	vec4 ground;           /* W/m²/sr/nm */
+	vec4 least;            /* W/m²/sr/nm: no sky is darker */
 	vec4 exponent;         /* of theta, of theta, of gamma; H */
 	vec4 geometry;         /* cosine to the vertical of the horizon; air mass of a horizontal ray, Rayleigh, aerosol; ((R + h) / (R + 25 km))² */
 WELKIN_BLOCK_END(fitted)

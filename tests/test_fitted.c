@@ -86,8 +86,8 @@ static void test_finite_and_lit(void **state)
 				assert_true(L[n * 8 + i] <= 1);
 				brightest = fmax(brightest, L[i]);
 				/* the sky is nowhere black; it may have been clamped there */
-				if (direction[i / 8][1] > 0.02)
-					assert_true(L[i] > 1e-9);
+				if (direction[i / 8][1] > 0)
+					assert_true(L[i] > 0);
 			}
 			free(L);
 		}
@@ -113,18 +113,18 @@ static void check_steady(const struct welkin_request *a, const struct welkin_req
 static void test_continuous(void **state)
 {
 	(void)state;
-	for (int i = 1; i < SKY_SUNS - 1; i++) { /* two hundredths of a degree */
-		const struct welkin_request low = sky_request("fitted", 3.7, 0.2, sky_suns_deg[i] - 0.01);
-		const struct welkin_request high = sky_request("fitted", 3.7, 0.2, sky_suns_deg[i] + 0.01);
+	for (int i = 1; i < SKY_SUNS - 1; i++) { /* two thousandths of a degree */
+		const struct welkin_request low = sky_request("fitted", 3.7, 0.2, sky_suns_deg[i] - 0.001);
+		const struct welkin_request high = sky_request("fitted", 3.7, 0.2, sky_suns_deg[i] + 0.001);
 
-		check_steady(&low, &high, 0.06);
+		check_steady(&low, &high, 0.01);
 	}
 	for (int i = 1; i < SKY_TURBIDITIES - 1; i++)
 		for (int sun = -5; sun <= 85; sun += 10) {
-			const struct welkin_request low = sky_request("fitted", sky_turbidities[i] - 0.005, 0.2, sun);
-			const struct welkin_request high = sky_request("fitted", sky_turbidities[i] + 0.005, 0.2, sun);
+			const struct welkin_request low = sky_request("fitted", sky_turbidities[i] - 5e-4, 0.2, sun);
+			const struct welkin_request high = sky_request("fitted", sky_turbidities[i] + 5e-4, 0.2, sun);
 
-			check_steady(&low, &high, 0.03);
+			check_steady(&low, &high, 0.01);
 		}
 	for (int sun = -5; sun <= 85; sun += 10) {
 		struct welkin_request ground = sky_request("fitted", 2.5, 0.3, sun), up = ground;
@@ -152,7 +152,7 @@ static double error_of(const char *method, double turbidity, double albedo, doub
 /* Between the nodes of the table, not at them. */
 static void test_four_times_better_than_preetham(void **state)
 {
-	static const double suns[] = { 0, 2.7, 9, 28, 65, 90 }, turbidities[] = { 2.4, 5.5, 10 };
+	static const double suns[] = { 0, 2.7, 9, 28, 65, 90 }, turbidities[] = { 2.4, 3.7, 8.4 };
 
 	(void)state;
 	for (size_t s = 0; s < sizeof suns / sizeof *suns; s++)

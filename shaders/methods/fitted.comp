@@ -17,7 +17,7 @@ vec4 sky_radiance(float c, float nu)
 	vec4 low = fitted.term[5] + fitted.term[6] * glow + fitted.term[7] * nu2 + fitted.term[8] * chi +
 		fitted.term[9] * root + fitted.term[15] * nu;
 	vec4 lower = fitted.term[10] + fitted.term[11] * glow + fitted.term[12] * nu2 + fitted.term[13] * chi;
-	return max(plain + low * first + lower * second, 0.0);
+	return max(plain + low * first + lower * second, fitted.least);
 }
 
 /* Slant over vertical optical depth of an exponential atmosphere whose horizontal ray has the mass p; fitted_air_mass()
