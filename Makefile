@@ -149,7 +149,9 @@ check: deps-check
 	@tests/check.sh
 
 # ---- tools that measure ----
-.PHONY: fit-spectrum accuracy
+.PHONY: fit fit-spectrum accuracy
+fit: $(B)/tests/fit_sky
+	$(B)/tests/fit_sky gpu/fitted_data.inc
 fit-spectrum: $(B)/tests/fit_spectrum
 	$(B)/tests/fit_spectrum gpu/spectrum_fit.h
 accuracy: $(B)/tests/accuracy

@@ -14,7 +14,7 @@
 static const double planet_radius_m = 6360e3, rayleigh_scale_height_m = 8000, aerosol_scale_height_m = 1200;
 static const double ozone_center_m = 25e3, rayleigh_at_1um_per_m = 1.24062e-6, dobson_per_m2 = 2.687e20;
 
-const int fitted_ground_term[FITTED_GROUND_TERMS] = { 0, 4, 5, 10 }; /* 1, sqrt(cos theta), both exponentials */
+const int fitted_ground_term[FITTED_GROUND_TERMS] = { 0, 4, 5, 10, 16 }; /* all that are free of gamma */
 
 static double clamp(double x, double low, double high)
 {
@@ -65,6 +65,7 @@ void fitted_terms(const double exponent[FITTED_EXPONENTS], double cos_theta, dou
 	}
 	term[14] = nu;
 	term[15] = nu * first;
+	term[16] = cos_theta;
 }
 
 /* ---- interpolation ---- */

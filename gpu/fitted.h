@@ -13,7 +13,8 @@
  *
  * (theta: of the view from the zenith, gamma: between view and sun), multiplied out and with a coefficient for each
  * product, so that the light around a low sun can fade towards the horizon while the rest of the sky brightens; with
- * a second exponential of theta and with cos gamma, which skies after sunset need. B, E and H are the same for all
+ * a second exponential of theta, with cos theta, which keeps the zenith from a green tint at low suns, and with
+ * cos gamma, which skies after sunset need. B, E and H are the same for all
  * skies. That makes the formula linear in all that varies: the best fit is the only one, and skies between those that
  * were fitted come from linear interpolation of coefficients, without the ripples that independent fits of A and B
  * have.
@@ -25,8 +26,8 @@
  * `make fit` finds the coefficients from skies of method sky_view and writes gpu/fitted_data.inc.
  */
 enum {
-	FITTED_TERMS = 16,
-	FITTED_GROUND_TERMS = 4, /* light that comes from the ground first: no gamma in it */
+	FITTED_TERMS = 17,
+	FITTED_GROUND_TERMS = 5, /* light that comes from the ground first: no gamma in it */
 	FITTED_EXPONENTS = 4,    /* -B of the first exponential, of the second, -E, H */
 };
 

@@ -147,7 +147,7 @@ WELKIN_BLOCK_END(bands)
 
 /* The sky of method fitted for a batch; gpu/fitted.h. */
 WELKIN_BLOCK(FittedBlock, BIND_FITTED)
-	vec4 term[16];         /* W/m²/sr/nm: coefficient of each product, in the order of fitted_terms() */
+	vec4 term[17];         /* W/m²/sr/nm: coefficient of each product, in the order of fitted_terms() */
 	vec4 depth[3];         /* vertical optical depth above the camera: Rayleigh, aerosol, ozone */
 	vec4 ground;           /* W/m²/sr/nm */
 	vec4 least;            /* W/m²/sr/nm: no sky is darker */

@@ -91,6 +91,7 @@ static void test_finite_and_lit(void **state)
 			}
 			free(L);
 		}
+	print_message("brightest %g\n", brightest);
 	assert_true(brightest < 20); /* per unit of irradiance; the aureole's centre is the brightest there is */
 }
 
@@ -174,12 +175,39 @@ static void test_four_times_better_than_preetham(void **state)
 		}
 }
 
+/* Twice preetham's device time is allowed. Frames in turn, the quickest of each. */
+static void test_cost(void **state)
+{
+	static const char *const methods[2] = { "fitted", "preetham" };
+	double least[2] = { INFINITY, INFINITY };
+
+	(void)state;
+	for (int round = 0; round < 12; round++)
+		for (int m = 0; m < 2; m++) {
+			struct welkin_request r = sky_request(methods[m], 3, 0.2, 30);
+			struct welkin_result result;
+			void *pixels;
+
+			r.image.width = 640;
+			r.image.height = 360;
+			r.camera.pitch_deg = 25;
+			assert_true(lib_render(&renderer, &r, &pixels, &result));
+			free(pixels);
+			for (int p = 0; p < result.n_passes; p++)
+				if (strcmp(result.passes[p].name, "sky") == 0)
+					least[m] = fmin(least[m], result.passes[p].ms);
+		}
+	print_message("640 x 360 on %s: fitted %.2f ms, preetham %.2f ms\n", renderer.device.name, least[0], least[1]);
+	assert_true(least[0] <= 2 * least[1]);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(test_finite_and_lit),
 		cmocka_unit_test(test_continuous),
 		cmocka_unit_test(test_four_times_better_than_preetham),
+		cmocka_unit_test(test_cost),
 	};
 
 	return cmocka_run_group_tests(tests, setup, teardown);

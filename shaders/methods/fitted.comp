@@ -13,7 +13,7 @@ vec4 sky_radiance(float c, float nu)
 	float first = exp(-fitted.exponent.x * inverse), second = exp(-fitted.exponent.y * inverse);
 	float glow = exp(-fitted.exponent.z * acos(nu)), chi = (1.0 + nu2) / (d * sqrt(d)), root = sqrt(c);
 	vec4 plain = fitted.term[0] + fitted.term[1] * glow + fitted.term[2] * nu2 + fitted.term[3] * chi +
-		fitted.term[4] * root + fitted.term[14] * nu;
+		fitted.term[4] * root + fitted.term[14] * nu + fitted.term[16] * c;
 	vec4 low = fitted.term[5] + fitted.term[6] * glow + fitted.term[7] * nu2 + fitted.term[8] * chi +
 		fitted.term[9] * root + fitted.term[15] * nu;
 	vec4 lower = fitted.term[10] + fitted.term[11] * glow + fitted.term[12] * nu2 + fitted.term[13] * chi;
