@@ -11,6 +11,7 @@
 #include "gpu/warmup.h"
 
 #include <math.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -202,8 +203,8 @@ static bool serve(struct renderer *r, struct error *err)
 
 static bool start(struct renderer *r, const struct welkin_renderer_config *config, struct error *err)
 {
-	if (!device_open(&r->device, config->device, err) ||
-	    !workspace_init(&r->ws, &r->device, config->shader_dir, config->slice_ms, config->table_budget_mib, err))
+	if (!device_open(&r->device, config->device, err) || !workspace_init(&r->ws, &r->device, config->shader_dir,
+								     config->slice_ms, config->table_budget_mib, err))
 		return false;
 	const double start_ms = clock_ms();
 	if (config->warmup && !warm_up(&r->ws, err))
@@ -232,6 +233,10 @@ int welkin_renderer_main(int fd, const struct welkin_renderer_config *config)
 		send_text(fd, WELKIN_MSG_FATAL, "out of memory");
 		return status;
 	}
+	/* It lives as long as its socket: a SIGTERM for the whole service must not take it while the server
+	 * finishes what is in flight. */
+	signal(SIGTERM, SIG_IGN);
+	signal(SIGINT, SIG_IGN);
 	r->fd = fd;
 	if (start(r, config, &err)) {
 		send_ready(r);

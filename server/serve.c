@@ -7,10 +7,12 @@
 #include "server/version.h"
 
 #include <errno.h>
+#include <malloc.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <systemd/sd-daemon.h>
 #include <unistd.h>
@@ -58,12 +60,25 @@ static bool wait_until_started(struct server *server, struct error *err)
 	return true;
 }
 
+/* The usual soft limit of 1024 descriptors is less than the connections that are allowed. */
+static void raise_descriptor_limit(const struct options *options)
+{
+	struct rlimit limit;
+	const rlim_t wanted = (rlim_t)options->max_connections + 256;
+	if (getrlimit(RLIMIT_NOFILE, &limit) || limit.rlim_cur >= wanted)
+		return;
+	limit.rlim_cur = limit.rlim_max < wanted ? limit.rlim_max : wanted;
+	if (setrlimit(RLIMIT_NOFILE, &limit) || limit.rlim_cur < wanted)
+		log_event(LEVEL_WARN, "few_descriptors", "limit=%llu wanted=%llu", (unsigned long long)limit.rlim_cur,
+			(unsigned long long)wanted);
+}
+
 static bool start(struct server *server, struct error *err)
 {
 	const struct options *o = &server->options;
 	char url[160], admin_url[160];
 	if (!open_signals(server, err) || !listen_url(server->http_fd, url, sizeof url) ||
-	    !listen_url(server->admin_fd, admin_url, sizeof admin_url))
+		!listen_url(server->admin_fd, admin_url, sizeof admin_url))
 		return false;
 	server->documents = documents_create(err);
 	server->service = server->documents ? service_start(o, err) : NULL;
@@ -81,8 +96,8 @@ static bool start(struct server *server, struct error *err)
 	printf("welkin ready: %s admin %s device %s\n", url, admin_url, device.name);
 	fflush(stdout);
 	sd_notify(0, "READY=1");
-	log_event(LEVEL_INFO, "serving", "url=%s admin=%s version=%s revision=%s device=\"%s\"", url, admin_url, build_version,
-		build_revision, device.name);
+	log_event(LEVEL_INFO, "serving", "url=%s admin=%s version=%s revision=%s device=\"%s\"", url, admin_url,
+		build_version, build_revision, device.name);
 	return true;
 }
 
@@ -145,6 +160,11 @@ int serve_command(int argc, char **argv)
 		return 0;
 	}
 	log_set_level(server.options.log_level);
+	raise_descriptor_limit(&server.options);
+	/* Encoded images come and go on several threads: what is larger goes back to the system at
+	 * once, and a single arena keeps the rest from spreading, so that resident memory stays flat. */
+	mallopt(M_ARENA_MAX, 1);
+	mallopt(M_MMAP_THRESHOLD, 16 * 1024);
 	server.http_fd = listen_on(server.options.listen, &wrong, &err);
 	if (server.http_fd < 0)
 		return complain(wrong ? 2 : 1, err.text);

@@ -24,7 +24,7 @@ struct supervisor_config {
 	void (*ready)(void *cls, const struct welkin_device *device);
 	void (*result)(void *cls, const struct welkin_result *result);
 	void (*lost)(void *cls, const char *reason, bool was_ready); /* whatever it was sent will have no result */
-	void (*tick)(void *cls); /* at least every 100 ms */
+	void (*tick)(void *cls);                                     /* at least every 100 ms */
 	void *cls;
 };
 
@@ -33,6 +33,9 @@ struct supervisor *supervisor_start(const struct supervisor_config *config, stru
 /* From any thread. false when no renderer is there to take it. */
 bool supervisor_send_job(struct supervisor *supervisor, const struct welkin_job *job, int memfd);
 void supervisor_cancel(struct supervisor *supervisor, uint64_t id);
+
+/* Kills the renderer and starts another, as if it had been silent. From any thread. */
+void supervisor_condemn(struct supervisor *supervisor);
 
 pid_t supervisor_pid(struct supervisor *supervisor); /* 0 when none runs */
 
