@@ -109,8 +109,14 @@ static struct span span_at(const double *node, int n, double x)
 }
 
 /* What is interpolated: logarithms of mean radiance, ozone taken out, then shapes over mean. */
-enum { LOG_SKY, LOG_GROUND, SKY_ALBEDO, SHAPE, GROUND_SHAPE = SHAPE + FITTED_TERMS,
-	VALUES = GROUND_SHAPE + FITTED_GROUND_TERMS };
+enum {
+	LOG_SKY,
+	LOG_GROUND,
+	SKY_ALBEDO,
+	SHAPE,
+	GROUND_SHAPE = SHAPE + FITTED_TERMS,
+	VALUES = GROUND_SHAPE + FITTED_GROUND_TERMS
+};
 
 /* The two nodes about x alone, so that positive skies stay positive: cubics swing below 0 where the light around
  * a setting sun dies away with turbidity. */
@@ -194,7 +200,8 @@ static const double least_of_mean = 0.003;
 
 struct place {
 	double turbidity, elevation_deg, mu_s, ozone_du, stretch;
-	double rayleigh, aerosol, ozone; /* share of each above the camera; ozone: slant factor of the sun at the ground */
+	double rayleigh, aerosol,
+		ozone; /* share of each above the camera; ozone: slant factor of the sun at the ground */
 	double mean_terms[FITTED_TERMS];
 };
 
@@ -206,15 +213,17 @@ static void set_band(struct FittedBlock *block, int i, const struct BandsBlock *
 	const double ozone = fitted_ozone_depth(at->ozone_du, nm);
 	double k[FITTED_TERMS], below[FITTED_TERMS], irradiance = 0, mean;
 	/* Molecules in thinner air look like those at sea level at a longer wavelength. */
-	fitted_coefficients(1 + (at->turbidity - 1) * at->aerosol, at->elevation_deg, albedo, at->ozone_du, nm * at->stretch, k, &mean);
+	fitted_coefficients(1 + (at->turbidity - 1) * at->aerosol, at->elevation_deg, albedo, at->ozone_du,
+		nm * at->stretch, k, &mean);
 	fitted_coefficients(at->turbidity, at->elevation_deg, albedo, at->ozone_du, nm, below, NULL);
 	for (int n = 0; n < FITTED_TERMS; n++) {
 		block->term[n][i] = (float)(k[n] * sun);
 		irradiance += below[n] * at->mean_terms[n] * M_PI;
 	}
 	if (at->mu_s > 0)
-		irradiance += at->mu_s * exp(-rayleigh * fitted_air_mass(rayleigh_scale_height_m, at->mu_s) -
-					     aerosol * fitted_air_mass(aerosol_scale_height_m, at->mu_s) - ozone * at->ozone);
+		irradiance += at->mu_s *
+			      exp(-rayleigh * fitted_air_mass(rayleigh_scale_height_m, at->mu_s) -
+				      aerosol * fitted_air_mass(aerosol_scale_height_m, at->mu_s) - ozone * at->ozone);
 	block->least[i] = (float)(least_of_mean * mean * sun);
 	block->ground[i] = (float)(albedo / M_PI * fmax(irradiance, 0) * sun);
 	block->depth[0][i] = (float)(rayleigh * at->rayleigh);

@@ -92,8 +92,8 @@ static void fit_skies(struct fit *fit)
 			for (int w = 0; w < SKY_WAVELENGTHS; w++) {
 				for (int i = 0; i < N; i++)
 					wanted[i] = (double)s->radiance[t][sun][0][i][w] / s->mean[t][sun][0][w];
-				fit->rms[t][sun][w] = solve(FITTED_TERMS, (const double(*)[FITTED_TERMS])fit->terms[sun],
-					wanted, fit->sky[t][sun][w]);
+				fit->rms[t][sun][w] = solve(FITTED_TERMS,
+					(const double(*)[FITTED_TERMS])fit->terms[sun], wanted, fit->sky[t][sun][w]);
 			}
 }
 
@@ -109,7 +109,8 @@ static void fit_grounds(struct fit *fit)
 
 				for (int i = 0; i < N; i++) {
 					wanted[i] = ((double)s->radiance[t][sun][1][i][w] -
-							    (double)s->radiance[t][sun][0][i][w]) / mean;
+							    (double)s->radiance[t][sun][0][i][w]) /
+						    mean;
 					for (int k = 0; k < FITTED_GROUND_TERMS; k++)
 						terms[i][k] = fit->terms[sun][i][fitted_ground_term[k]];
 				}
@@ -169,7 +170,8 @@ static void write_cells(FILE *out, const char *name, const char *count, const do
 	fprintf(out, "static const double %s_quantum[%s] = {", name, count);
 	for (int i = 0; i < k; i++)
 		fprintf(out, "%s%.9g", i ? ", " : " ", quantum[i]);
-	fprintf(out, " };\nstatic const short %s[FITTED_TURBIDITIES][FITTED_SUNS][FITTED_WAVELENGTHS][%s] = {\n", name, count);
+	fprintf(out, " };\nstatic const short %s[FITTED_TURBIDITIES][FITTED_SUNS][FITTED_WAVELENGTHS][%s] = {\n", name,
+		count);
 	for (int i = 0; i < CELLS; i++) {
 		const int w = i % SKY_WAVELENGTHS, sun = i / SKY_WAVELENGTHS % SKY_SUNS;
 
@@ -220,9 +222,13 @@ static void write_residuals(FILE *out, const struct fit *fit)
 		all += pow((&fit->rms[0][0][0])[i], 2) / CELLS;
 		ground += pow((&fit->ground_rms[0][0][0])[i], 2) / CELLS;
 	}
-	fprintf(out, " * RMS of relative errors over %d directions (a third of them below 10 degrees, a fifth around the sun) and %d\n"
-		     " * wavelengths, black ground, in %%: %.2f over all cells; of the light that the ground adds: %.2f.\n *\n"
-		     " *  sun/deg  turbidity", N, SKY_WAVELENGTHS, 100 * sqrt(all), 100 * sqrt(ground));
+	fprintf(out,
+		" * RMS of relative errors over %d directions (a third of them below 10 degrees, a fifth around the "
+		"sun) and %d\n"
+		" * wavelengths, black ground, in %%: %.2f over all cells; of the light that the ground adds: %.2f.\n "
+		"*\n"
+		" *  sun/deg  turbidity",
+		N, SKY_WAVELENGTHS, 100 * sqrt(all), 100 * sqrt(ground));
 	for (int t = 0; t < SKY_TURBIDITIES; t++)
 		fprintf(out, "%7g", sky_turbidities[t]);
 	for (int sun = 0; sun < SKY_SUNS; sun++) {
@@ -240,10 +246,11 @@ static bool write_file(const char *path, const struct fit *fit)
 
 	if (!out)
 		return false;
-	fprintf(out, "/*\n * Made by `make fit` (tests/fit_sky.c) from skies of method sky_view; gpu/fitted.h says what it means.\n");
+	fprintf(out, "/*\n * Made by `make fit` (tests/fit_sky.c) from skies of method sky_view; gpu/fitted.h says "
+		     "what it means.\n");
 	write_residuals(out, fit);
-	fprintf(out, " */\nenum { FITTED_TURBIDITIES = %d, FITTED_SUNS = %d, FITTED_WAVELENGTHS = %d };\n", SKY_TURBIDITIES,
-		SKY_SUNS, SKY_WAVELENGTHS);
+	fprintf(out, " */\nenum { FITTED_TURBIDITIES = %d, FITTED_SUNS = %d, FITTED_WAVELENGTHS = %d };\n",
+		SKY_TURBIDITIES, SKY_SUNS, SKY_WAVELENGTHS);
 	fprintf(out, "#define FITTED_LOG_QUANTUM %.9g\n", log_quantum);
 	write_nodes(out, "fitted_turbidities", "FITTED_TURBIDITIES", sky_turbidities, SKY_TURBIDITIES);
 	write_nodes(out, "fitted_suns_deg", "FITTED_SUNS", sky_suns_deg, SKY_SUNS);
@@ -295,12 +302,14 @@ int main(int argc, char **argv)
 	fit->samples = samples_of(argc > 2 ? argv[2] : NULL);
 	fit_exponents(fit);
 	fit_grounds(fit);
-	printf("exponents %.4f %.4f %.4f, H %.4f\n", fit->exponent[0], fit->exponent[1], fit->exponent[2], fit->exponent[3]);
+	printf("exponents %.4f %.4f %.4f, H %.4f\n", fit->exponent[0], fit->exponent[1], fit->exponent[2],
+		fit->exponent[3]);
 	write_residuals(stdout, fit);
 	if (!write_file(argv[1], fit)) {
 		fprintf(stderr, "can't write %s\n", argv[1]);
 		return 1;
 	}
 	free(fit);
+	sky_samples_check();
 	return 0;
 }

@@ -32,7 +32,8 @@ struct welkin_request sky_request(const char *method, double turbidity, double a
 	}
 	r.sun.spectrum = WELKIN_SUN_FLAT;
 	r.atmosphere.turbidity = turbidity;
-	while (welkin_method_names[r.atmosphere.method] && strcmp(welkin_method_names[r.atmosphere.method], method) != 0)
+	while (welkin_method_names[r.atmosphere.method] &&
+		strcmp(welkin_method_names[r.atmosphere.method], method) != 0)
 		r.atmosphere.method++;
 	if (!welkin_method_names[r.atmosphere.method]) {
 		fprintf(stderr, "there is no method %s\n", method);
@@ -54,12 +55,13 @@ void sky_directions(double sun_deg, double direction[SKY_DIRECTIONS][3])
 		const double y = along * sin(e) + up * cos(e), ahead = along * cos(e) - up * sin(e);
 
 		/* below the horizon: mirrored */
-		direction_of(fmax(fabs(asin(fmax(-1, fmin(1, y)))) / degree, 0.15), atan2(side, ahead) / degree, direction[i]);
+		direction_of(fmax(fabs(asin(fmax(-1, fmin(1, y)))) / degree, 0.15), atan2(side, ahead) / degree,
+			direction[i]);
 	}
 }
 
-static double *render(struct lib_renderer *renderer, const struct welkin_request *r,
-	const double (*direction)[3], const double *nm, int n_nm)
+static double *render(struct lib_renderer *renderer, const struct welkin_request *r, const double (*direction)[3],
+	const double *nm, int n_nm)
 {
 	double *reply;
 	struct welkin_result result;
@@ -113,8 +115,8 @@ static void find_ozone_mass(struct lib_renderer *renderer, struct sky_samples *s
 			mean[k] = mean_of(reply + at.radiance, 1, 0);
 			free(reply);
 		}
-		s->ozone_mass[sun] = log(mean[0] / mean[1]) /
-				     (fitted_ozone_depth(column_du[1], nm[0]) - fitted_ozone_depth(column_du[0], nm[0]));
+		s->ozone_mass[sun] = log(mean[0] / mean[1]) / (fitted_ozone_depth(column_du[1], nm[0]) -
+								      fitted_ozone_depth(column_du[0], nm[0]));
 	}
 }
 
@@ -148,4 +150,43 @@ struct sky_samples *sky_samples_render(void)
 	find_ozone_mass(&renderer, s);
 	lib_render_stop(&renderer);
 	return s;
+}
+
+void sky_samples_check(void)
+{
+	enum { STEP = 8, DIRECTIONS = SKY_EVEN / STEP, BANDS = 3 };
+	static const double nm[BANDS] = { 440, 555, 680 }, suns[] = { 44, 8, 0 }, turbidities[] = { 1, 3, 10 };
+	const struct welkin_radiance_layout at = welkin_radiance_layout(DIRECTIONS, BANDS);
+	struct lib_renderer renderer;
+
+	if (!lib_render_start(&renderer, NULL))
+		exit(1);
+	for (int cell = 0; cell < 9; cell++) {
+		double all[SKY_DIRECTIONS][3], direction[DIRECTIONS][3], *reply[2], square = 0, mean = 0;
+
+		sky_directions(suns[cell / 3], all);
+		for (int i = 0; i < DIRECTIONS; i++)
+			memcpy(direction[i], all[i * STEP + STEP / 2], sizeof direction[i]);
+		for (int k = 0; k < 2; k++) {
+			struct welkin_request r =
+				sky_request(k ? "reference" : "sky_view", turbidities[cell % 3], 0.1, suns[cell / 3]);
+			struct welkin_result result;
+
+			r.max_error = 0.01;
+			if (!lib_radiance(&renderer, &r, direction, DIRECTIONS, nm, BANDS, &reply[k], &result))
+				exit(1);
+		}
+		for (int i = 0; i < DIRECTIONS * BANDS; i++) {
+			const double off = reply[0][at.radiance + (size_t)i] / reply[1][at.radiance + (size_t)i] - 1;
+
+			square += off * off / (DIRECTIONS * BANDS);
+			mean += off / (DIRECTIONS * BANDS);
+		}
+		printf("sun %4g, turbidity %4g: sky_view against reference %.2f %% RMS, %+.2f %% mean\n",
+			suns[cell / 3], turbidities[cell % 3], 100 * sqrt(square), 100 * mean);
+		fflush(stdout);
+		free(reply[0]);
+		free(reply[1]);
+	}
+	lib_render_stop(&renderer);
 }

@@ -49,8 +49,8 @@ static double *ask(const struct welkin_request *r, const double (*direction)[3],
 /* Where formulas break: zenith, nadir, the horizon from both sides, on and around sun and antisun. */
 static int odd_directions(double sun_deg, double direction[MOST][3])
 {
-	static const double elevations[] = { 90, 89.999, 60, 30, 10, 3, 1, 0.3, 0.05, 1e-3, 0, -1e-3, -0.05, -0.3, -1, -1.7,
-		-3, -30, -90 };
+	static const double elevations[] = { 90, 89.999, 60, 30, 10, 3, 1, 0.3, 0.05, 1e-3, 0, -1e-3, -0.05, -0.3, -1,
+		-1.7, -3, -30, -90 };
 	static const double azimuths[] = { 0, 1e-3, 1, 30, 90, 150, 180, 270 };
 	int n = 0;
 
@@ -91,7 +91,6 @@ static void test_finite_and_lit(void **state)
 			}
 			free(L);
 		}
-	print_message("brightest %g\n", brightest);
 	assert_true(brightest < 20); /* per unit of irradiance; the aureole's centre is the brightest there is */
 }
 
@@ -130,8 +129,8 @@ static void test_continuous(void **state)
 	for (int sun = -5; sun <= 85; sun += 10) {
 		struct welkin_request ground = sky_request("fitted", 2.5, 0.3, sun), up = ground;
 
-		up.camera.altitude_m = up.camera.position_m[1] = 2;
-		check_steady(&ground, &up, 0.02);
+		up.camera.altitude_m = up.camera.position_m[1] = 0.02;
+		check_steady(&ground, &up, 0.01);
 	}
 }
 
@@ -153,7 +152,7 @@ static double error_of(const char *method, double turbidity, double albedo, doub
 /* Between the nodes of the table, not at them. */
 static void test_four_times_better_than_preetham(void **state)
 {
-	static const double suns[] = { 0, 2.7, 9, 28, 65, 90 }, turbidities[] = { 2.4, 3.7, 8.4 };
+	static const double suns[] = { -4.5, 0, 2.7, 9, 28, 65, 90 }, turbidities[] = { 2.4, 3.7, 8.4 };
 
 	(void)state;
 	for (size_t s = 0; s < sizeof suns / sizeof *suns; s++)
@@ -167,8 +166,8 @@ static void test_four_times_better_than_preetham(void **state)
 			wanted = ask(&r, direction, SKY_EVEN, bands_nm, BANDS);
 			fitted = error_of("fitted", turbidities[t], albedo, suns[s], wanted);
 			preetham = error_of("preetham", turbidities[t], albedo, suns[s], wanted);
-			print_message("sun %4.1f, T %4.1f, albedo %.2f: fitted %.1f %%, preetham %.0f %%\n", suns[s], turbidities[t],
-				albedo, 100 * fitted, 100 * preetham);
+			print_message("sun %4.1f, T %4.1f, albedo %.2f: fitted %.1f %%, preetham %.0f %%\n", suns[s],
+				turbidities[t], albedo, 100 * fitted, 100 * preetham);
 			assert_true(4 * fitted <= preetham);
 			assert_true(fitted < 0.15);
 			free(wanted);

@@ -12,7 +12,8 @@ static const struct method_range domain[] = {
 
 const struct method method_fitted = {
 	.name = "fitted",
-	.summary = "Closed formula fitted to all-order skies over turbidity, ground albedo and sun, to below the horizon",
+	.summary =
+		"Closed formula fitted to all-order skies over turbidity, ground albedo and sun, to below the horizon",
 	.source = "Hosek & Wilkie 2012, extended; coefficients of our own",
 	.fields = fields,
 	.domain = domain,
