@@ -55,14 +55,14 @@ MAIN_OBJ   := $(B)/obj/server/main.o
 all: $(B)/welkin
 
 $(B)/welkin: $(MAIN_OBJ) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
-	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS)
+	@echo "  LINK $@"; $(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS)
 
 $(B)/obj/gen/%.o: $(B)/gen/%.c $(B)/flags
 	@mkdir -p $(@D)
-	$(CC) $(CFLAGS_ALL) -c -o $@ $<
+	@echo "  CC   $<"; $(CC) $(CFLAGS_ALL) -c -o $@ $<
 $(B)/obj/%.o: %.c $(B)/flags
 	@mkdir -p $(@D)
-	$(CC) $(CFLAGS_ALL) -c -o $@ $<
+	@echo "  CC   $<"; $(CC) $(CFLAGS_ALL) -c -o $@ $<
 
 # Rebuild everything when compiler or flags change, nothing otherwise.
 FLAGS_NOW = $(CC) $(CFLAGS_ALL) $(LDFLAGS_ALL)
@@ -111,7 +111,7 @@ TEST_LIBS  = $(shell pkg-config --libs $(TEST_PKGS) 2>/dev/null)
 
 $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_LIB) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
 	@mkdir -p $(@D)
-	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
+	@echo "  LINK $@"; $(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
 
 PROGRAMS  := soak bench_probe bench_encode bench_frames accuracy
 .PHONY: tests programs
@@ -190,8 +190,8 @@ C_FILES := $(API_SRC) $(GPU_SRC) $(SERVER_SRC) $(sort $(wildcard tests/*.c))
 H_FILES := $(sort $(wildcard api/*.h gpu/*.h server/*.h tests/*.h))
 .PHONY: lint format
 lint: $(GEN)
-	clang-format --dry-run -Werror $(C_FILES) $(H_FILES)
-	cppcheck --quiet --error-exitcode=1 --std=c11 --enable=warning,performance,portability --inline-suppr \
+	@clang-format --dry-run -Werror $(C_FILES) $(H_FILES)
+	@cppcheck -j2 --quiet --error-exitcode=1 --std=c11 --enable=warning,performance,portability --inline-suppr \
 	  --suppressions-list=tests/cppcheck.supp -I. -D_GNU_SOURCE $(API_SRC) $(GPU_SRC) $(SERVER_SRC)
 	tests/shader_check.sh shaders
 format:
