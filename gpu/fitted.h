@@ -23,6 +23,9 @@
  *     T = (tau_rayleigh + tau_aerosol) / tau_rayleigh,
  * vertical optical depths from sea level at 550 nm; T = 1.05 is the preset as it is.
  *
+ * From a camera above the ground it is the sky of sea level at a lower turbidity and a longer wavelength: off by up
+ * to 10 % RMS at 1000 m and 18 % at 3000 m.
+ *
  * `make fit` finds the coefficients from skies of method sky_view and writes gpu/fitted_data.inc.
  */
 enum {
