@@ -167,7 +167,7 @@ const struct welkin_field welkin_fields[] = {
 		"Exposure value at ISO 100, for the mode ev; 15 is a sunny day.", NULL, AT(exposure_ev) },
 	{ "exposure.compensation_ev", WELKIN_TYPE_DOUBLE, "EV", -20, 20, "0",
 		"Brightens the image by so many stops, in every mode.", NULL, AT(exposure_compensation) },
-	{ "tone.map", WELKIN_TYPE_ENUM, "", 0, 0, "agx", "Curve from luminance to the display, for PNG images.",
+	{ "tone.map", WELKIN_TYPE_ENUM, "", 0, 0, "aces", "Curve from luminance to the display, for PNG images.",
 		tone_maps, AT(tone_map) },
 
 	{ "accuracy.max_error", WELKIN_TYPE_DOUBLE, "", 0, 10, "0",

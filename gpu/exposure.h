@@ -15,7 +15,7 @@ double exposure_given(const struct welkin_request *request, const struct FrameBl
 /* Mode auto: from n linear Rec.709 samples (4 floats each, cd/m²; the fourth is luminance of sun ×
  * transmittance, white where the sample shows nothing but space, and such samples don't count).
  * The geometric mean of the luminances → 0.25, leaving out the brightest twentieth and what is more
- * than 8 stops below the rest's brightest (a planet's night side, black ground); the brightest percent at
+ * than 4.6 stops below the rest's brightest (a planet's night side, black ground); the brightest percent at
  * most 4 times white. Below 0.005 cd/m² the scale grows no more, so that night stays dark. */
 double exposure_metered(const struct welkin_request *request, const float (*samples)[4], int n, float white);
 
