@@ -100,7 +100,7 @@ $(B)/gen/registry.c: $(METHOD_SRC) Makefile
 $(B)/gen/method_names.c: $(METHOD_SRC) Makefile
 	@mkdir -p $(@D)
 	@{ echo '#include "api/api.h"'; echo 'const char *const welkin_method_names[] = {'; \
-	  for m in $(METHODS); do echo "	\"$$m\","; done; echo '	0,'; echo '};'; } > $@
+	  for m in $(METHODS) auto; do echo "	\"$$m\","; done; echo '	0,'; echo '};'; } > $@
 
 # ---- tests ----
 # tests/test_*.c: one cmocka program each, linked with everything but main. tests/lib_*.c: what they share.
@@ -113,7 +113,7 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_LIB) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
 	@mkdir -p $(@D)
 	@echo "  LINK $@"; $(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
 
-PROGRAMS  := soak bench_probe bench_encode bench_frames accuracy
+PROGRAMS  := soak bench_probe bench_encode bench_frames accuracy chart failures
 .PHONY: tests programs
 tests: $(TEST_BIN) $(B)/welkin
 programs: $(PROGRAMS:%=$(B)/tests/%) $(B)/welkin
@@ -184,6 +184,29 @@ accuracy: $(B)/tests/accuracy
 	@mkdir -p $(B)/accuracy
 	$(B)/tests/accuracy $(B)/accuracy
 	gnuplot -e "folder='$(B)/accuracy'" tests/accuracy.gp
+
+# Error against milliseconds, and where methods fail. WELKIN_DEVICE names the device; auto by default.
+.PHONY: chart chart-update chart-smoke failures failures-smoke
+chart: $(B)/tests/chart
+	@mkdir -p $(B)/chart
+	$(B)/tests/chart $(B)/chart
+	gnuplot -e "folder='$(B)/chart'" tests/chart.gp
+chart-update:
+	cp $(B)/chart/measured.inc gpu/measured.inc
+	@mkdir -p deploy/pictures
+	cp $(B)/chart/chart.png deploy/pictures/chart.png
+chart-smoke: $(B)/tests/chart
+	@mkdir -p $(B)/chart-smoke
+	$(B)/tests/chart --smoke $(B)/chart-smoke
+failures: $(B)/tests/failures
+	@mkdir -p $(B)/failures
+	$(B)/tests/failures $(B)/failures; status=$$?; \
+	gnuplot -e "folder='$(B)/failures'" tests/failures.gp; exit $$status
+failures-smoke: $(B)/tests/failures
+	@mkdir -p $(B)/failures-smoke
+	$(B)/tests/failures --smoke $(B)/failures-smoke
+.PHONY: smoke
+smoke: chart-smoke failures-smoke
 
 # ---- lint ----
 C_FILES := $(API_SRC) $(GPU_SRC) $(SERVER_SRC) $(sort $(wildcard tests/*.c))

@@ -45,7 +45,7 @@ enum { WELKIN_FIELDS_MAX = 128 };
 /* Index of the field of that exact name, or -1. */
 int welkin_field_find(const char *name);
 
-/* The method names: generated from gpu/methods/, sorted, NULL-terminated, so the API needs no renderer. */
+/* The method names: generated from gpu/methods/, sorted, then "auto", NULL-terminated, so the API needs no renderer. */
 extern const char *const welkin_method_names[];
 
 /* ---- faults ---- */

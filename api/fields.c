@@ -15,7 +15,7 @@ static const char *const png_bits[] = { "8", "16", NULL };
 static const char *const exr_types[] = { "half", "float", NULL };
 static const char *const exr_compressions[] = { "none", "rle", "zips", "zip", "piz", NULL };
 static const char *const presets[] = { "earth", "madrid2015", "rayleigh", NULL };
-static const char *const spectra[] = { "rgb", "4", NULL };
+static const char *const spectra[] = { "rgb", "4", "8", "16", "40", NULL };
 static const char *const sun_spectra[] = { "solar", "flat", NULL };
 static const char *const phases[] = { "cornette_shanks", "henyey_greenstein", "schlick", NULL };
 static const char *const exposure_modes[] = { "auto", "ev", "pupil", NULL };
@@ -106,9 +106,11 @@ const struct welkin_field welkin_fields[] = {
 	{ "atmosphere.preset", WELKIN_TYPE_ENUM, "", 0, 0, "earth",
 		"Where coefficients that are not given come from; /v1/presets lists the numbers.", presets,
 		AT(atmosphere.preset) },
-	{ "atmosphere.method", WELKIN_TYPE_ENUM, "", 0, 0, "depth_table",
-		"How the sky is computed; /v1/methods says what each does and where it fails.", welkin_method_names,
-		AT(atmosphere.method) },
+	{ "atmosphere.method", WELKIN_TYPE_ENUM, "", 0, 0, "auto",
+		"How the sky is computed; /v1/methods says what each does, costs and where it fails. auto takes the "
+		"cheapest that keeps accuracy.max_error, or the most accurate within accuracy.budget_ms, by those "
+		"numbers.",
+		welkin_method_names, AT(atmosphere.method) },
 	{ "atmosphere.steps", WELKIN_TYPE_INT, "", 1, 512, "30", "Samples along a ray.", NULL, AT(atmosphere.steps) },
 	{ "atmosphere.light_steps", WELKIN_TYPE_INT, "", 1, 512, "30",
 		"Samples from each of them towards the sun, for methods that march there.", NULL,
@@ -116,7 +118,7 @@ const struct welkin_field welkin_fields[] = {
 	{ "atmosphere.spectrum", WELKIN_TYPE_ENUM, "", 0, 0, "4",
 		"Wavelengths of an image: rgb takes the coefficients at 680, 550 and 440 nm as red, green and blue; 4 "
 		"renders four "
-		"wavelengths and converts them by a fitted matrix.",
+		"wavelengths and converts them by a fitted matrix; 8, 16 and 40 take evenly spaced ones, for accuracy.",
 		spectra, AT(atmosphere.spectrum) },
 	{ "atmosphere.max_order", WELKIN_TYPE_INT, "", 0, 100, "0",
 		"Highest order of scattering, for methods that have several; 0 for all they have.", NULL,
@@ -170,9 +172,11 @@ const struct welkin_field welkin_fields[] = {
 	{ "tone.map", WELKIN_TYPE_ENUM, "", 0, 0, "aces", "Curve from luminance to the display, for PNG images.",
 		tone_maps, AT(tone_map) },
 
-	{ "accuracy.max_error", WELKIN_TYPE_DOUBLE, "", 0, 10, "0",
-		"Relative error of luminance that may be made, for choosing the method; 0 asks for nothing.", NULL,
-		AT(max_error) },
+	{ "accuracy.max_error", WELKIN_TYPE_DOUBLE, "", 0, 10, "0.02",
+		"Relative error of luminance that may be made (root of the mean square over the image): for choosing "
+		"the "
+		"method, and where methods with a standard error stop. 0: as small as can be.",
+		NULL, AT(max_error) },
 	{ "accuracy.budget_ms", WELKIN_TYPE_DOUBLE, "ms", 0, 3.6e6, "0",
 		"Device time that may be spent; 0 sets no limit.", NULL, AT(budget_ms) },
 	{ "seed", WELKIN_TYPE_SEED, "", 0, 4294967295.0, "0", "Of the random numbers in noise and dither.", NULL,

@@ -141,6 +141,7 @@ static void add_metadata(cJSON *schemas)
 static void add_methods(cJSON *schemas)
 {
 	cJSON *schema = add_schema(schemas, "Methods", "The methods of this server.");
+	property(schema, "measured_on", "string", "The device that the measured numbers are of.");
 	cJSON *item = property_list(schema, "methods", "object", "Sorted by name.");
 	doc_object(item, "properties");
 	property(item, "name", "string", "As in atmosphere.method.");
@@ -150,6 +151,23 @@ static void add_methods(cJSON *schemas)
 	property(item, "physical", "boolean", "Whether it uses the coefficients of the atmosphere.");
 	property_list(item, "fields", "object", "The fields it reads beside camera and sun.");
 	property_list(item, "domain", "object", "Ranges of fields outside which it is refused, and why.");
+	item = property_list(item, "measured", "object", "Its error and cost in a scene at one setting.");
+	doc_object(item, "properties");
+	property(item, "scene", "string", "A calibration scene.");
+	property(item, "steps", "integer", "atmosphere.steps, where it reads them.");
+	property(item, "light_steps", "integer", "atmosphere.light_steps, where it reads them.");
+	property(item, "max_error", "number", "accuracy.max_error, where it stops by that.");
+	property(item, "in_domain", "boolean", "Whether the scene lies in the method's domain.");
+	property(item, "error", "number", "Relative root mean square error of luminance against method reference.");
+	property(item, "error_uncertainty", "number", "Standard error of that number.");
+	property(
+		item, "error_p99", "number", "99th percentile of the relative error, noise of the reference included.");
+	property(item, "delta_e", "number", "Mean CIEDE2000 colour difference, noise of the reference included.");
+	property(item, "frame_ms", "number", "Device time of a frame however small, its tables included.");
+	property(item, "megapixel_ms", "number", "Device time of a million pixels.");
+	property(item, "first_tables_ms", "number",
+		"Device time of the tables of an atmosphere that is new to the server.");
+	property(item, "ms_1280x720", "number", "Device time of a frame of that size.");
 }
 
 void openapi_schemas(cJSON *schemas)

@@ -30,7 +30,13 @@ enum welkin_format { WELKIN_PNG, WELKIN_EXR };
 enum welkin_exr_type { WELKIN_HALF, WELKIN_FLOAT };
 enum welkin_exr_compression { WELKIN_EXR_NONE, WELKIN_EXR_RLE, WELKIN_EXR_ZIPS, WELKIN_EXR_ZIP, WELKIN_EXR_PIZ };
 enum welkin_preset { WELKIN_EARTH, WELKIN_MADRID2015, WELKIN_RAYLEIGH };
-enum welkin_spectrum { WELKIN_SPECTRUM_RGB, WELKIN_SPECTRUM_4 };
+enum welkin_spectrum {
+	WELKIN_SPECTRUM_RGB,
+	WELKIN_SPECTRUM_4,
+	WELKIN_SPECTRUM_8,
+	WELKIN_SPECTRUM_16,
+	WELKIN_SPECTRUM_40,
+};
 enum welkin_sun_spectrum { WELKIN_SUN_SOLAR, WELKIN_SUN_FLAT };
 enum welkin_phase { WELKIN_CORNETTE_SHANKS, WELKIN_HENYEY_GREENSTEIN, WELKIN_SCHLICK };
 enum welkin_exposure_mode { WELKIN_EXPOSURE_AUTO, WELKIN_EXPOSURE_EV, WELKIN_EXPOSURE_PUPIL };
@@ -40,6 +46,16 @@ enum welkin_tone_map {
 	WELKIN_TONE_REINHARD,
 	WELKIN_TONE_EXPONENTIAL,
 	WELKIN_TONE_NONE
+};
+
+/* Who chose the method, and why this one. Not a field: set where auto is replaced. */
+enum welkin_choice {
+	WELKIN_CHOICE_CLIENT,
+	WELKIN_CHOICE_CHEAPEST,    /* within accuracy.max_error */
+	WELKIN_CHOICE_ACCURATE,    /* the most accurate within accuracy.budget_ms, or at all */
+	WELKIN_CHOICE_BEST_EFFORT, /* none keeps accuracy.max_error */
+	WELKIN_CHOICE_OVER_BUDGET, /* none keeps accuracy.budget_ms */
+	WELKIN_CHOICE_UNMEASURED,  /* no scene like this was measured */
 };
 
 struct welkin_image {
@@ -74,7 +90,7 @@ struct welkin_sun {
 
 struct welkin_atmosphere {
 	int32_t preset;   /* enum welkin_preset; only a label once resolved */
-	int32_t method;   /* index into welkin_method_names */
+	int32_t method;   /* index into welkin_method_names; the last, auto, only until gpu/choose.h has chosen */
 	int32_t spectrum; /* enum welkin_spectrum; images only */
 	int32_t steps;
 	int32_t light_steps;
@@ -85,7 +101,7 @@ struct welkin_atmosphere {
 	double rayleigh_scattering_per_m[3], rayleigh_scale_height_m;
 	double aerosol_scattering_per_m[3], aerosol_absorption_per_m[3], aerosol_scale_height_m, aerosol_g;
 	int32_t aerosol_phase; /* enum welkin_phase */
-	int32_t reserved;
+	int32_t choice;        /* enum welkin_choice */
 	double ozone_column_du, ozone_center_m, ozone_half_width_m;
 };
 

@@ -16,7 +16,7 @@ double exposure_given(const struct welkin_request *request, const struct FrameBl
  * transmittance, white where the sample shows nothing but space, and such samples don't count).
  * The geometric mean of the luminances → 0.25, leaving out the brightest twentieth and what is more
  * than 4.6 stops below the rest's brightest (a planet's night side, black ground); the brightest percent at
- * most 4 times white. Below 0.005 cd/m² the scale grows no more, so that night stays dark. */
+ * most 2.2 times white. Below 0.005 cd/m² the scale grows no more, so that night stays dark. */
 double exposure_metered(const struct welkin_request *request, const float (*samples)[4], int n, float white);
 
 /* Size of the metering image for a view: the image's shape in about a thousand samples, fewer than

@@ -1,5 +1,6 @@
 #include "gpu/frame.h"
 
+#include "gpu/choose.h"
 #include "gpu/clock.h"
 
 #include <math.h>
@@ -36,7 +37,7 @@ static const char *find_fault(const struct welkin_job *job)
 	if (!in_range(image->format, WELKIN_EXR) || !in_range(image->projection, WELKIN_CUBEMAP) ||
 		!in_range(image->cube_face, WELKIN_DOWN) || !in_range(r->tone_map, WELKIN_TONE_NONE) ||
 		!in_range(r->exposure_mode, WELKIN_EXPOSURE_PUPIL) ||
-		!in_range(r->atmosphere.spectrum, WELKIN_SPECTRUM_4))
+		!in_range(r->atmosphere.spectrum, WELKIN_SPECTRUM_40))
 		return "a choice that does not exist";
 	return NULL;
 }
@@ -73,7 +74,7 @@ static void prepare(struct frame *f)
 	f->result.id = job->id;
 	f->result.bands = f->scene.n_bands;
 	f->result.exposure_scale = 1;
-	f->result.expected_error = NAN;
+	f->result.expected_error = f->method->progressive ? NAN : choose_expect(&job->request, 0).error;
 }
 
 struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, int memfd, struct error *err)

@@ -1,5 +1,6 @@
 #include "gpu/planner.h"
 
+#include "gpu/choose.h"
 #include "gpu/view.h"
 
 #include <math.h>
@@ -112,6 +113,8 @@ void planner_plan(
 	memset(plan, 0, sizeof *plan);
 	planner_note(plan, "sky", true, "method %s, %d wavelengths in %d %s", method->name, scene->n_bands,
 		scene->n_batches, scene->n_batches == 1 ? "batch" : "batches");
+	if (*choose_reason(&job->request))
+		planner_note(plan, "method", true, "auto: %s", choose_reason(&job->request));
 	if (!method->tables)
 		planner_note(plan, "tables", false, "method %s reads none", method->name);
 	if (job->kind == WELKIN_JOB_IMAGE) {

@@ -228,7 +228,7 @@ static void set_bands(struct scene *scene, const struct welkin_request *request,
 	memset(to_rgb, 0, sizeof to_rgb);
 	daylight_luminance(luminance);
 	if (!wavelengths_nm) {
-		n = spectrum_bands(request->atmosphere.spectrum, bands_nm, to_rgb);
+		n = spectrum_bands(request->atmosphere.spectrum, request->sun.spectrum, bands_nm, to_rgb);
 		wavelengths_nm = bands_nm;
 	}
 	scene->n_bands = n;

@@ -11,6 +11,8 @@
 
 #include <assert.h>
 #include <math.h>
+#include <stdbool.h>
+#include <string.h>
 
 enum { FIRST_NM = 360, LAST_NM = 830, N_TABLE = 48, N_CIE = 95, CIE_STEP_NM = 5 };
 
@@ -252,9 +254,47 @@ static int bands_fitted(double wavelengths_nm[], double to_rgb[][3])
 	return SPECTRUM_FIT_BANDS;
 }
 
-int spectrum_bands(int spectrum, double wavelengths_nm[], double to_rgb[][3])
+/* n evenly spaced wavelengths. Between them the ratio of radiance to the sun's irradiance, which is smooth where
+ * both are not, is taken as linear, so a band's weight is the integral over its two flanks of colour
+ * matching times the sun's spectrum over its value at the band; beyond the outermost the ratio is held. */
+static int bands_even(int n, int sun_spectrum, double wavelengths_nm[], double to_rgb[][3])
 {
-	assert(spectrum == WELKIN_SPECTRUM_RGB || spectrum == WELKIN_SPECTRUM_4);
-	return spectrum == WELKIN_SPECTRUM_RGB ? bands_rgb(wavelengths_nm, to_rgb)
-					       : bands_fitted(wavelengths_nm, to_rgb);
+	const double first = 395, last = 700, step = (last - first) / (n - 1);
+	const bool flat = sun_spectrum == WELKIN_SUN_FLAT;
+	for (int i = 0; i < n; i++) {
+		wavelengths_nm[i] = first + i * step;
+		memset(to_rgb[i], 0, sizeof to_rgb[i]);
+	}
+	for (int nm = 360; nm <= 830; nm++) {
+		const double position = fmin(fmax((nm - first) / step, 0), n - 1);
+		const int left = position < n - 2 ? (int)position : n - 2;
+		double xyz[3];
+		spectrum_cie(nm, xyz);
+		for (int side = 0; side < 2; side++) {
+			const int i = left + side;
+			const double share = side ? position - left : 1 - (position - left);
+			const double sun = flat ? 1 : spectrum_solar(nm) / spectrum_solar(wavelengths_nm[i]);
+			for (int c = 0; c < 3; c++)
+				for (int k = 0; k < 3; k++)
+					to_rgb[i][c] += lumens_per_watt * rec709_from_xyz[c][k] * xyz[k] * share * sun;
+		}
+	}
+	return n;
+}
+
+int spectrum_bands(int spectrum, int sun_spectrum, double wavelengths_nm[], double to_rgb[][3])
+{
+	switch (spectrum) {
+	case WELKIN_SPECTRUM_RGB:
+		return bands_rgb(wavelengths_nm, to_rgb);
+	case WELKIN_SPECTRUM_8:
+		return bands_even(8, sun_spectrum, wavelengths_nm, to_rgb);
+	case WELKIN_SPECTRUM_16:
+		return bands_even(16, sun_spectrum, wavelengths_nm, to_rgb);
+	case WELKIN_SPECTRUM_40:
+		return bands_even(40, sun_spectrum, wavelengths_nm, to_rgb);
+	default:
+		assert(spectrum == WELKIN_SPECTRUM_4);
+		return bands_fitted(wavelengths_nm, to_rgb);
+	}
 }

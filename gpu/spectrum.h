@@ -22,7 +22,7 @@ double spectrum_linear(const double triple[3], double wavelength_nm);
 double spectrum_luminance(const double *wavelengths_nm, const double *radiance, int n);
 
 /* The bands of an image: fills wavelengths and, for each, the three weights to linear Rec.709 in
- * cd/m² per W/m²/sr/nm. Returns how many (3 for rgb). */
-int spectrum_bands(int spectrum, double wavelengths_nm[], double to_rgb[][3]);
+ * cd/m² per W/m²/sr/nm, for light of that sun. Returns how many (3 for rgb). */
+int spectrum_bands(int spectrum, int sun_spectrum, double wavelengths_nm[], double to_rgb[][3]);
 
 #endif

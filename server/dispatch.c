@@ -1,5 +1,6 @@
 #include "server/dispatch.h"
 #include "server/clock.h"
+#include "server/domain.h"
 #include "server/log.h"
 
 #include <errno.h>
@@ -305,7 +306,7 @@ static bool probe_request(struct welkin_request *request)
 	const struct welkin_limits limits = { 1e9 };
 	static const char query[] = "image.width=16&image.height=8";
 	welkin_parse_query(&draft, query, sizeof query - 1, &faults);
-	welkin_resolve(&draft, WELKIN_PNG, &limits, request, &faults);
+	domain_resolve(&draft, WELKIN_PNG, &limits, 0, request, &faults);
 	if (faults.n)
 		log_event(LEVEL_ERROR, "probe_invalid", "field=%s detail=\"%s\"", faults.list[0].field,
 			faults.list[0].detail);

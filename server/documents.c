@@ -1,6 +1,7 @@
 #include "server/documents.h"
 #include "api/api.h"
 #include "api/text.h"
+#include "gpu/measured.h"
 #include "gpu/method.h"
 #include "server/version.h"
 
@@ -84,6 +85,33 @@ static void add_field(struct text *text, const char *name)
 	text_puts(text, "}");
 }
 
+/* What it was found to err and cost, scene by scene. */
+static void add_measured(struct text *text, const struct method *m)
+{
+	int n = 0;
+	text_puts(text, ",\"measured\":[");
+	for (const struct measured_point *p = welkin_measured; p->method; p++) {
+		if (strcmp(p->method, m->name))
+			continue;
+		text_puts(text, n++ ? ",\n{" : "\n{");
+		add_member(text, "scene", welkin_measured_scenes[p->scene].name);
+		if (p->steps)
+			text_printf(text, ",\"steps\":%d", p->steps);
+		if (p->light_steps)
+			text_printf(text, ",\"light_steps\":%d", p->light_steps);
+		if (p->goal > 0)
+			text_printf(text, ",\"max_error\":%g", p->goal);
+		text_printf(text,
+			",\"in_domain\":%s,\"error\":%.4g,\"error_uncertainty\":%.2g,\"error_p99\":%.4g,\"delta_e\":%."
+			"4g",
+			p->in_domain ? "true" : "false", p->error, p->uncertainty, p->p99, p->delta_e);
+		text_printf(text,
+			",\"frame_ms\":%.4g,\"megapixel_ms\":%.4g,\"first_tables_ms\":%.4g,\"ms_1280x720\":%.4g}",
+			p->frame_ms, p->mpixel_ms, p->first_ms, measured_ms(p, 1280 * 720));
+	}
+	text_puts(text, "]");
+}
+
 static void add_method(struct text *text, const struct method *m)
 {
 	text_puts(text, "{");
@@ -107,13 +135,17 @@ static void add_method(struct text *text, const struct method *m)
 		add_member(text, "why", r->why);
 		text_puts(text, "}");
 	}
-	text_puts(text, "]}");
+	text_puts(text, "]");
+	add_measured(text, m);
+	text_puts(text, "}");
 }
 
 static char *methods_json(void)
 {
 	struct text text = { 0 };
-	text_puts(&text, "{\"methods\":[\n");
+	text_puts(&text, "{\"measured_on\":");
+	text_json_string(&text, welkin_measured_device);
+	text_puts(&text, ",\"methods\":[\n");
 	for (int i = 0; i < welkin_method_count; i++) {
 		text_puts(&text, i ? ",\n" : "");
 		add_method(&text, welkin_methods[i]);

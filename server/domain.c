@@ -1,55 +1,8 @@
 #include "server/domain.h"
-#include "gpu/method.h"
+#include "gpu/choose.h"
 
 #include <stdio.h>
 #include <string.h>
-
-/* The numbers of a field: how many, and where; integers are widened into *one. */
-static int field_values(const struct welkin_field *field, const struct welkin_request *request, double values[3])
-{
-	const char *at = (const char *)request + field->offset;
-	int32_t whole;
-	switch (field->type) {
-	case WELKIN_TYPE_DOUBLE:
-		memcpy(values, at, sizeof *values);
-		return 1;
-	case WELKIN_TYPE_VEC3:
-	case WELKIN_TYPE_TRIPLE:
-		memcpy(values, at, 3 * sizeof *values);
-		return 3;
-	case WELKIN_TYPE_INT:
-	case WELKIN_TYPE_BOOL:
-	case WELKIN_TYPE_ENUM:
-		memcpy(&whole, at, sizeof whole);
-		values[0] = whole;
-		return 1;
-	default:
-		return 0;
-	}
-}
-
-/* false and the offending value when the request is outside. */
-static bool within(const struct method_range *range, const struct welkin_request *request, double *value)
-{
-	double values[3] = { 0 };
-	const int index = welkin_field_find(range->field);
-	const int n = index < 0 ? 0 : field_values(&welkin_fields[index], request, values);
-	for (int i = 0; i < n; i++)
-		if (!(values[i] >= range->min && values[i] <= range->max)) {
-			*value = values[i];
-			return false;
-		}
-	return true;
-}
-
-static bool can_do(const struct method *method, const struct welkin_request *request)
-{
-	double value;
-	for (const struct method_range *r = method->domain; r && r->field; r++)
-		if (!within(r, request, &value))
-			return false;
-	return true;
-}
 
 /* Another method for this request, a physical one if possible. */
 static const struct method *alternative(const struct welkin_request *request)
@@ -57,7 +10,7 @@ static const struct method *alternative(const struct welkin_request *request)
 	const struct method *found = NULL;
 	for (int i = 0; i < welkin_method_count; i++) {
 		const struct method *m = welkin_methods[i];
-		if (i != request->atmosphere.method && can_do(m, request) &&
+		if (i != request->atmosphere.method && method_can_do(m, request) &&
 			(!found || (m->physical && !found->physical)))
 			found = m;
 	}
@@ -72,7 +25,7 @@ void domain_check(const struct welkin_request *request, struct welkin_faults *fa
 	const struct method *method = welkin_methods[index];
 	for (const struct method_range *r = method->domain; r && r->field; r++) {
 		double value = 0;
-		if (within(r, request, &value))
+		if (method_range_holds(r, request, &value))
 			continue;
 		char allowed[96];
 		const struct method *other = alternative(request);
@@ -81,4 +34,18 @@ void domain_check(const struct welkin_request *request, struct welkin_faults *fa
 			method->name, r->why ? r->why : "not valid there", other ? " Method " : "",
 			other ? other->name : "", other ? " can do it." : "");
 	}
+}
+
+void domain_resolve(const struct welkin_draft *draft, enum welkin_format format, const struct welkin_limits *limits,
+	double samples, struct welkin_request *out, struct welkin_faults *faults)
+{
+	welkin_resolve(draft, format, limits, out, faults);
+	if (faults->n)
+		return;
+	const struct choose_terms terms = { .steps = draft->given[welkin_field_find("atmosphere.steps")],
+		.light_steps = draft->given[welkin_field_find("atmosphere.light_steps")],
+		.max_error = draft->given[welkin_field_find("accuracy.max_error")],
+		.pixels = samples > 0 ? samples : (double)out->image.width * out->image.height };
+	choose_method(out, &terms);
+	domain_check(out, faults);
 }

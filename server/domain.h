@@ -7,4 +7,9 @@
  * method, naming a method that can do it where there is one. */
 void domain_check(const struct welkin_request *request, struct welkin_faults *faults);
 
+/* welkin_resolve(), then the method where it is left to the daemon, then domain_check(): the way of every request
+ * that is to be rendered. samples: directions of a radiance job; 0: as many as the image has pixels. */
+void domain_resolve(const struct welkin_draft *draft, enum welkin_format format, const struct welkin_limits *limits,
+	double samples, struct welkin_request *out, struct welkin_faults *faults);
+
 #endif

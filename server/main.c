@@ -1,4 +1,5 @@
 #include "api/api.h"
+#include "gpu/measured.h"
 #include "gpu/method.h"
 #include "gpu/renderer.h"
 #include "server/options.h"
@@ -40,8 +41,28 @@ static int devices_command(void)
 	return 1;
 }
 
+/* The best setting of a method by what was measured in one scene: its error, and time of a 1280×720 frame. */
+static void print_measured(const struct method *m, int scene)
+{
+	const struct measured_point *best = NULL;
+	for (const struct measured_point *p = welkin_measured; p->method; p++)
+		if (p->scene == scene && !strcmp(p->method, m->name) && p->in_domain &&
+			(!best || p->error < best->error))
+			best = p;
+	if (!best)
+		return;
+	printf("%-14s %-18s error %7.3f %%, %10.1f ms", "", welkin_measured_scenes[scene].name, 100 * best->error,
+		measured_ms(best, 1280 * 720));
+	if (best->steps || best->light_steps)
+		printf(" (%d steps)", best->steps ? best->steps : best->light_steps);
+	printf("\n");
+}
+
 static int methods_command(void)
 {
+	printf("Errors (relative RMS of luminance) of each method's best setting, and device time of a 1280x720 frame "
+	       "on\n%s\n\n",
+		welkin_measured_device);
 	for (int i = 0; i < welkin_method_count; i++) {
 		const struct method *m = welkin_methods[i];
 		printf("%-14s %s\n%-14s source: %s\n", m->name, m->summary ? m->summary : "", "",
@@ -49,6 +70,8 @@ static int methods_command(void)
 		for (const struct method_range *r = m->domain; r && r->field; r++)
 			printf("%-14s domain: %s from %.9g to %.9g (%s)\n", "", r->field, r->min, r->max,
 				r->why ? r->why : "");
+		for (int scene = 0; welkin_measured_scenes[scene].name; scene++)
+			print_measured(m, scene);
 	}
 	return 0;
 }

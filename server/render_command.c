@@ -224,9 +224,8 @@ static int read_request(
 		free(text);
 	}
 	parse_fields(command, &draft, &faults);
-	welkin_resolve(&draft, command->output == OUTPUT_EXR ? WELKIN_EXR : WELKIN_PNG, &limits, request, &faults);
-	if (!faults.n)
-		domain_check(request, &faults);
+	domain_resolve(&draft, command->output == OUTPUT_EXR ? WELKIN_EXR : WELKIN_PNG, &limits,
+		photometer->n_directions, request, &faults);
 	return faults.n ? print_faults(&faults) : EXIT_DONE;
 }
 

@@ -12,13 +12,11 @@
 
 /* From a draft to call->request and its key. False when the reply (422, 400) is what *result says. */
 static bool resolve(struct call *call, const struct welkin_draft *draft, enum welkin_format format, double max_pixels,
-	struct welkin_faults *faults, enum MHD_Result *result)
+	double samples, struct welkin_faults *faults, enum MHD_Result *result)
 {
 	const struct welkin_limits limits = { max_pixels };
 	if (!faults->n)
-		welkin_resolve(draft, format, &limits, &call->request, faults);
-	if (!faults->n)
-		domain_check(&call->request, faults);
+		domain_resolve(draft, format, &limits, samples, &call->request, faults);
 	if (!faults->n)
 		return true;
 	char detail[128];
@@ -63,7 +61,7 @@ static enum MHD_Result answer_render_get(struct call *call)
 	struct welkin_faults faults = { 0 };
 	enum MHD_Result result;
 	welkin_parse_query(&draft, call->query, strlen(call->query), &faults);
-	if (!resolve(call, &draft, (enum welkin_format)call->resource->argument, call->http->options->max_pixels,
+	if (!resolve(call, &draft, (enum welkin_format)call->resource->argument, call->http->options->max_pixels, 0,
 		    &faults, &result))
 		return result;
 	return render(call);
@@ -91,7 +89,7 @@ static enum MHD_Result answer_render_post(struct call *call)
 		return reply_problem(
 			call, 406, "This resource gives image/png, image/x-exr and multipart/mixed.", NULL, 0);
 	welkin_parse_json(&draft, call->body.data ? call->body.data : "", call->body.length, NULL, &faults);
-	if (!resolve(call, &draft, format, call->http->options->max_pixels, &faults, &result))
+	if (!resolve(call, &draft, format, call->http->options->max_pixels, 0, &faults, &result))
 		return result;
 	return render(call);
 }
@@ -108,7 +106,7 @@ static enum MHD_Result answer_radiance(struct call *call)
 		return reply_problem(call, 406, "This resource gives application/json.", NULL, 0);
 	welkin_parse_json(&draft, call->body.data ? call->body.data : "", call->body.length, &photometer, &faults);
 	/* No image is made, so the pixel budget does not apply to its (default) size. */
-	if (resolve(call, &draft, WELKIN_EXR, INFINITY, &faults, &result))
+	if (resolve(call, &draft, WELKIN_EXR, INFINITY, photometer.n_directions, &faults, &result))
 		result = call_submit(call, &photometer);
 	welkin_photometer_finish(&photometer);
 	return result;

@@ -37,7 +37,7 @@ static void test_every_byte_has_one_field(void **state)
 	} others[] = {
 		{ offsetof(struct welkin_request, image.format), 4 },
 		{ offsetof(struct welkin_request, reserved), 4 },
-		{ offsetof(struct welkin_request, atmosphere.reserved), 4 },
+		{ offsetof(struct welkin_request, atmosphere.choice), 4 },
 		{ offsetof(struct welkin_request, reserved2), 4 },
 	};
 	for (int i = 0; i < welkin_field_count; i++)

@@ -47,7 +47,7 @@ static void test_nothing_given(void **state)
 	/* Nine in the morning at midsummer: the sun stands in the east, half way up. */
 	assert_true(r.sun.elevation_deg > 50 && r.sun.elevation_deg < 54);
 	assert_true(r.sun.azimuth_deg > 95 && r.sun.azimuth_deg < 98);
-	assert_string_equal(welkin_method_names[r.atmosphere.method], "depth_table");
+	assert_string_equal(welkin_method_names[r.atmosphere.method], "auto");
 	assert_int_equal(r.atmosphere.steps, 30);
 	assert_int_equal(r.atmosphere.light_steps, 30);
 	assert_int_equal(r.atmosphere.spectrum, WELKIN_SPECTRUM_4);

@@ -216,7 +216,7 @@ static void test_bands_rgb(void **state)
 	double nm[4], to_rgb[4][3];
 
 	(void)state;
-	assert_int_equal(spectrum_bands(WELKIN_SPECTRUM_RGB, nm, to_rgb), 3);
+	assert_int_equal(spectrum_bands(WELKIN_SPECTRUM_RGB, WELKIN_SUN_SOLAR, nm, to_rgb), 3);
 	assert_true(nm[0] == 680 && nm[1] == 550 && nm[2] == 440);
 	for (int i = 0; i < 3; i++)
 		for (int c = 0; c < 3; c++)
@@ -228,7 +228,7 @@ static void test_bands_rgb(void **state)
 static void test_bands_fitted_white(void **state)
 {
 	double nm[8], to_rgb[8][3], rgb[3] = { 0 }, xyz[3], sum;
-	int n = spectrum_bands(WELKIN_SPECTRUM_4, nm, to_rgb);
+	int n = spectrum_bands(WELKIN_SPECTRUM_4, WELKIN_SUN_SOLAR, nm, to_rgb);
 
 	(void)state;
 	assert_int_equal(n, 4);
@@ -242,6 +242,53 @@ static void test_bands_fitted_white(void **state)
 	check_near(xyz[1], 683 * 106.857, 0.03 * 683 * 106.857, "luminance of a flat spectrum");
 	check_near(xyz[0] / sum, 1.0 / 3, 0.01, "x of a flat spectrum");
 	check_near(xyz[1] / sum, 1.0 / 3, 0.01, "y of a flat spectrum");
+}
+
+/* Sunlight after so many air masses, or what Rayleigh air scatters of it. */
+static double test_light(double nm, double masses, bool scattered)
+{
+	const double rayleigh = 0.1 * pow(550 / nm, 4), ozone = 300 * 2.687e20 * spectrum_ozone(nm);
+	const double through = exp(-masses * (rayleigh + ozone));
+	return spectrum_solar(nm) * (scattered ? rayleigh * through : through);
+}
+
+/* Evenly spaced bands against the sum over every nanometre: sunlight through 0 to 40 air masses of Rayleigh air and
+ * ozone, the reddest light there is, and skylight, the bluest. */
+static void test_bands_even(void **state)
+{
+	static const struct {
+		int spectrum, n;
+		double delta_e;
+	} cases[] = { { WELKIN_SPECTRUM_8, 8, 0.6 }, { WELKIN_SPECTRUM_16, 16, 0.15 },
+		{ WELKIN_SPECTRUM_40, 40, 0.05 } };
+
+	(void)state;
+	for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+		double nm[40], to_rgb[40][3], worst = 0;
+		assert_int_equal(spectrum_bands(cases[k].spectrum, WELKIN_SUN_SOLAR, nm, to_rgb), cases[k].n);
+		for (int light = 0; light < 12; light++) {
+			const double masses = light < 6 ? 8 * light : 0.5 * (light - 5);
+			double rgb[3] = { 0 }, got[3], want[3] = { 0 }, lab_got[3], lab_want[3];
+			for (int i = 0; i < cases[k].n; i++)
+				for (int c = 0; c < 3; c++)
+					rgb[c] += to_rgb[i][c] * test_light(nm[i], masses, light >= 6);
+			colour_xyz_of_rec709(rgb, got);
+			for (int l = 360; l <= 830; l++) {
+				double cmf[3];
+				spectrum_cie(l, cmf);
+				for (int c = 0; c < 3; c++)
+					want[c] += 683 * cmf[c] * test_light(l, masses, light >= 6);
+			}
+			const double scale = 0.5 / want[1];
+			for (int c = 0; c < 3; c++)
+				got[c] *= scale, want[c] *= scale;
+			colour_lab(got, colour_d65, lab_got);
+			colour_lab(want, colour_d65, lab_want);
+			worst = fmax(worst, colour_delta_e_2000(lab_got, lab_want));
+		}
+		print_message("%d bands: worst colour error %.3f\n", cases[k].n, worst);
+		assert_true(worst < cases[k].delta_e);
+	}
 }
 
 /* Rec.709 from its primaries and white, derived here anew, against what the bands use: take the
@@ -345,6 +392,7 @@ int main(void)
 		cmocka_unit_test(test_sun),
 		cmocka_unit_test(test_bands_rgb),
 		cmocka_unit_test(test_bands_fitted_white),
+		cmocka_unit_test(test_bands_even),
 		cmocka_unit_test(test_rec709_matrix),
 		cmocka_unit_test(test_delta_e_2000),
 		cmocka_unit_test(test_lab),
