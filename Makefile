@@ -165,7 +165,7 @@ check: deps-check
 	@tests/check.sh
 
 # ---- tools that measure ----
-.PHONY: bench soak smoke fit-spectrum accuracy
+.PHONY: bench soak smoke fit fit-spectrum accuracy
 bench: programs
 	$(B)/tests/bench_encode
 	$(B)/tests/bench_frames
@@ -176,6 +176,8 @@ smoke: programs
 	$(B)/tests/soak --smoke
 	$(B)/tests/bench_probe --smoke
 	$(B)/tests/bench_frames --smoke
+fit: $(B)/tests/fit_sky
+	$(B)/tests/fit_sky gpu/fitted_data.inc
 fit-spectrum: $(B)/tests/fit_spectrum
 	$(B)/tests/fit_spectrum gpu/spectrum_fit.h
 accuracy: $(B)/tests/accuracy

@@ -67,6 +67,8 @@ static void prepare(struct frame *f)
 	} else {
 		scene_prepare(&f->scene, &job->request, NULL, 0);
 	}
+	if (f->method->prepare)
+		f->method->prepare(&f->scene, &job->request);
 	planner_plan(&f->plan, job, &f->scene, f->method);
 	f->scene.frame.features = f->plan.features;
 	f->result.id = job->id;

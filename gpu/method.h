@@ -13,7 +13,7 @@
  * shaders/methods/NAME.comp, defines `void method_sky(Ray ray, out vec4 L, out vec4 T)` (see
  * shaders/sky.glsl) and gets pixels, directions, bands, ground, sun disk and output for nothing.
  *
- * The first part is plain data that any process may read; tables() runs in the renderer only.
+ * The first part is plain data that any process may read; the functions run in the renderer only.
  */
 
 enum table_state { TABLE_FAILED, TABLE_BUILDING, TABLE_READY };
@@ -36,6 +36,8 @@ struct method {
 	int single_scattering;             /* 1: orders above the first are left out by nature */
 	int progressive;                   /* 1: its kernel gives random samples, repeated until their error suffices */
 	int physical;                      /* 1: uses the media coefficients; 0: an analytic sky */
+	/* Adds to a prepared scene what its kernel alone needs (NULL: nothing). */
+	void (*prepare)(struct scene *scene, const struct welkin_request *request);
 	/* Makes sure that the tables it reads for a spectral batch exist and are bound (NULL: it reads
 	 * none). Not ready: work was dispatched, call again once it is done. */
 	enum table_state (*tables)(

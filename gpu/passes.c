@@ -17,11 +17,13 @@ enum { SLICE_PASSES = 128 };
 
 /* Offsets of the blocks in the uniform buffer: 256 is the largest alignment any driver asks for. */
 enum { BLOCK_STRIDE = 256, OFFSET_FRAME = 0, OFFSET_MEDIA = 256, OFFSET_BANDS = 512 };
-enum { BLOCKS_BYTES = OFFSET_BANDS + SCENE_MAX_BATCHES * BLOCK_STRIDE };
+enum { OFFSET_FITTED = OFFSET_BANDS + SCENE_MAX_BATCHES * BLOCK_STRIDE, FITTED_STRIDE = 512 };
+enum { BLOCKS_BYTES = OFFSET_FITTED + SCENE_MAX_BATCHES * FITTED_STRIDE };
 
 _Static_assert(sizeof(struct FrameBlock) <= BLOCK_STRIDE, "FrameBlock outgrew its slot");
 _Static_assert(sizeof(struct MediaBlock) <= BLOCK_STRIDE, "MediaBlock outgrew its slot");
 _Static_assert(sizeof(struct BandsBlock) <= BLOCK_STRIDE, "BandsBlock outgrew its slot");
+_Static_assert(sizeof(struct FittedBlock) <= FITTED_STRIDE, "FittedBlock outgrew its slot");
 
 struct passes {
 	bool synchronous;
@@ -70,6 +72,9 @@ void passes_blocks(struct passes *passes, const struct scene *scene)
 	for (int i = 0; i < scene->n_batches; i++)
 		memcpy(bytes + OFFSET_BANDS + i * BLOCK_STRIDE, &scene->batches[i], sizeof scene->batches[i]);
 	glNamedBufferSubData(passes->blocks, 0, OFFSET_BANDS + scene->n_batches * BLOCK_STRIDE, bytes);
+	for (int i = 0; i < scene->n_batches; i++)
+		memcpy(bytes + OFFSET_FITTED + i * FITTED_STRIDE, &scene->fitted[i], sizeof scene->fitted[i]);
+	glNamedBufferSubData(passes->blocks, OFFSET_FITTED, scene->n_batches * FITTED_STRIDE, bytes + OFFSET_FITTED);
 	const size_t size = (size_t)scene->n_nodes * sizeof scene->nodes[0];
 	if (scene->n_nodes == passes->n_nodes && memcmp(passes->node_copy, scene->nodes, size) == 0)
 		return;
@@ -86,10 +91,12 @@ void passes_texture(struct passes *passes, unsigned unit, unsigned texture)
 
 static void bind(const struct passes *passes, const struct pass *pass)
 {
-	const GLuint uniform[3] = { passes->blocks, passes->blocks, passes->blocks };
-	const GLintptr offsets[3] = { OFFSET_FRAME, OFFSET_MEDIA, OFFSET_BANDS + pass->batch * BLOCK_STRIDE };
-	const GLsizeiptr sizes[3] = { sizeof(struct FrameBlock), sizeof(struct MediaBlock), sizeof(struct BandsBlock) };
-	glBindBuffersRange(GL_UNIFORM_BUFFER, BIND_FRAME, 3, uniform, offsets, sizes);
+	const GLuint uniform[4] = { passes->blocks, passes->blocks, passes->blocks, passes->blocks };
+	const GLintptr offsets[4] = { OFFSET_FRAME, OFFSET_MEDIA, OFFSET_BANDS + pass->batch * BLOCK_STRIDE,
+		OFFSET_FITTED + pass->batch * FITTED_STRIDE };
+	const GLsizeiptr sizes[4] = { sizeof(struct FrameBlock), sizeof(struct MediaBlock), sizeof(struct BandsBlock),
+		sizeof(struct FittedBlock) };
+	glBindBuffersRange(GL_UNIFORM_BUFFER, BIND_FRAME, 4, uniform, offsets, sizes);
 	GLuint storage[PASS_STORAGE];
 	memcpy(storage, pass->storage, sizeof storage);
 	storage[BIND_NODES] = passes->nodes;

@@ -22,6 +22,7 @@ typedef unsigned int uint;
 #define BIND_FRAME 0
 #define BIND_MEDIA 1
 #define BIND_BANDS 2
+#define BIND_FITTED 3
 
 /* Shader storage bindings. A strip's pixels are numbered by rows; so are the directions of a radiance job. */
 #define BIND_RADIANCE 0      /* vec4 per pixel: linear Rec.709 cd/m² added up over batches, a = luminance of sun × transmittance; FEATURE_SPECTRAL: L of the batch */
@@ -151,5 +152,15 @@ WELKIN_BLOCK(BandsBlock, BIND_BANDS)
 	vec4 daylight_luminance; /* xyz: 683 lm/W times the integral of each component times ybar, in cd/m² */
 	vec4 to_rgb[3];        /* rows: linear Rec.709 in cd/m² from the four radiances */
 WELKIN_BLOCK_END(bands)
+
+/* The sky of method fitted for a batch; gpu/fitted.h. */
+WELKIN_BLOCK(FittedBlock, BIND_FITTED)
+	vec4 term[17];         /* W/m²/sr/nm: coefficient of each product, in the order of fitted_terms() */
+	vec4 depth[3];         /* vertical optical depth above the camera: Rayleigh, aerosol, ozone */
+	vec4 ground;           /* W/m²/sr/nm */
+	vec4 least;            /* W/m²/sr/nm: no sky is darker */
+	vec4 exponent;         /* of theta, of theta, of gamma; H */
+	vec4 geometry;         /* cosine to the vertical of the horizon; air mass of a horizontal ray, Rayleigh, aerosol; ((R + h) / (R + 25 km))² */
+WELKIN_BLOCK_END(fitted)
 
 #endif

@@ -49,6 +49,8 @@ static const struct member bands_members[] = { M(BandsBlock, wavelength), M(Band
 	M(BandsBlock, rayleigh), M(BandsBlock, aerosol_scattering), M(BandsBlock, aerosol_extinction),
 	M(BandsBlock, aerosol_scaled_extinction), M(BandsBlock, ozone), M(BandsBlock, ground_albedo),
 	A(BandsBlock, daylight), M(BandsBlock, daylight_luminance), A(BandsBlock, to_rgb), { 0 } };
+static const struct member fitted_members[] = { A(FittedBlock, term), A(FittedBlock, depth), M(FittedBlock, ground),
+	M(FittedBlock, least), M(FittedBlock, exponent), M(FittedBlock, geometry), { 0 } };
 
 static GLint resource(GLuint program, GLenum interface, const char *name, GLenum property)
 {
@@ -81,6 +83,7 @@ static void blocks_agree(void **state)
 	check_block("FrameBlock", frame_members, BIND_FRAME, sizeof(struct FrameBlock));
 	check_block("MediaBlock", media_members, BIND_MEDIA, sizeof(struct MediaBlock));
 	check_block("BandsBlock", bands_members, BIND_BANDS, sizeof(struct BandsBlock));
+	check_block("FittedBlock", fitted_members, BIND_FITTED, sizeof(struct FittedBlock));
 }
 
 static void every_shader_compiles(void **state)
