@@ -28,13 +28,13 @@ enum welkin_type {
 };
 
 struct welkin_field {
-	const char *name;         /* dotted: "sun.elevation_deg" */
+	const char *name; /* dotted: "sun.elevation_deg" */
 	enum welkin_type type;
 	const char *unit;         /* "" where there is none */
 	double min, max;          /* inclusive; of every component; ignored for ENUM, FLAGS, BOOL, TIME */
 	const char *default_text; /* as it would be written in a query; "" where it depends, see help */
 	const char *help;         /* one or two sentences */
-	const char *const *names; /* ENUM, FLAGS: NULL-terminated */
+	const char *const *names; /* ENUM, FLAGS, and INT where only some values are allowed: NULL-terminated */
 	size_t offset;            /* into struct welkin_request */
 };
 
@@ -61,12 +61,13 @@ enum { WELKIN_FAULTS_MAX = 64 };
 
 struct welkin_faults {
 	int n;      /* found, may exceed what is kept */
-	int status; /* HTTP status: 400 malformed, 422 out of range, unknown or contradictory; the lower number wins */
+	int status; /* HTTP status: 400 malformed (not even of the field's type, or given twice), 422 out of range,
+		     * unknown or contradictory; the lower number wins. 503: out of memory */
 	struct welkin_fault list[WELKIN_FAULTS_MAX];
 };
 
-__attribute__((format(printf, 5, 6))) void welkin_fault_add(struct welkin_faults *faults, int status,
-	const char *field, const char *allowed, const char *detail, ...);
+__attribute__((format(printf, 5, 6))) void welkin_fault_add(
+	struct welkin_faults *faults, int status, const char *field, const char *allowed, const char *detail, ...);
 
 /* ---- parsing: collects all faults, does not stop at the first ---- */
 
@@ -78,7 +79,8 @@ struct welkin_draft {
 
 /* One query argument, already percent-decoded; value NULL where there was no '='. Repeated or
  * unknown names are faults. */
-void welkin_parse_argument(struct welkin_draft *draft, const char *name, const char *value, struct welkin_faults *faults);
+void welkin_parse_argument(
+	struct welkin_draft *draft, const char *name, const char *value, struct welkin_faults *faults);
 
 /* A raw query string ("a=1&b=2", without '?'): splits, percent-decodes ('+' is a space), checks
  * UTF-8 and hands each argument to welkin_parse_argument. At most 256 arguments. */
@@ -112,15 +114,15 @@ struct welkin_limits {
  * given), the heading towards the sun (when not given), sizes by projection, position from
  * altitude or the other way round, and checks what spans fields: pixel budget, position_m and altitude_m both given,
  * camera below the ground, top below the camera's ground, cubemap 4:3, layers without EXR (only if
- * format is PNG and layers were given), g and others. Enum welkin_format goes in by format. Values that are not used by the
- * request stay as they are. After it, `out` is canonical: equal requests are equal bytes (-0 is 0, headings
- * and azimuths in [0, 360)). Does nothing more when faults->n > 0 on entry. */
+ * format is PNG and layers were given), g and others. Enum welkin_format goes in by format. Values that are not used by
+ * the request stay as they are. After it, `out` is canonical: equal requests are equal bytes (-0 is 0, headings and
+ * azimuths in [0, 360)). Does nothing more when faults->n > 0 on entry. */
 void welkin_resolve(const struct welkin_draft *draft, enum welkin_format format, const struct welkin_limits *limits,
 	struct welkin_request *out, struct welkin_faults *faults);
 
 /* Position of the sun's centre, geometric (no refraction), topocentric to 0.003°; libnova. time_ms UTC since 1970. */
-void welkin_sun_position(int64_t time_ms, double latitude_deg, double longitude_deg, double *elevation_deg,
-	double *azimuth_deg);
+void welkin_sun_position(
+	int64_t time_ms, double latitude_deg, double longitude_deg, double *elevation_deg, double *azimuth_deg);
 
 /* Parses RFC 3339 (with offset, fractions to the millisecond, leap second 60 taken as 59.999). */
 bool welkin_parse_time(const char *text, int64_t *time_ms);

@@ -48,8 +48,16 @@ char *welkin_request_json(const struct welkin_request *request)
 
 /* Fields that decide others' defaults, in the order in which they do; the rest follows in table order. */
 static const char *const deciding[] = {
-	"image.projection", "image.width", "image.height", "time", "place.latitude_deg", "place.longitude_deg",
-	"sun.elevation_deg", "sun.azimuth_deg", "atmosphere.preset", "atmosphere.planet_radius_m",
+	"image.projection",
+	"image.width",
+	"image.height",
+	"time",
+	"place.latitude_deg",
+	"place.longitude_deg",
+	"sun.elevation_deg",
+	"sun.azimuth_deg",
+	"atmosphere.preset",
+	"atmosphere.planet_radius_m",
 };
 
 struct difference {

@@ -22,8 +22,8 @@ static void copy_cut(char *to, size_t size, const char *from)
 	to[n] = '\0';
 }
 
-void welkin_fault_add(struct welkin_faults *faults, int status, const char *field, const char *allowed,
-	const char *detail, ...)
+void welkin_fault_add(
+	struct welkin_faults *faults, int status, const char *field, const char *allowed, const char *detail, ...)
 {
 	if (faults->n == 0 || status < faults->status)
 		faults->status = status;

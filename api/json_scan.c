@@ -70,7 +70,8 @@ static bool scan_number(struct scan *scan)
 	if (n > 63)
 		return refuse(scan, scan->at, "a number of more than 63 characters");
 	/* "007" reads as 0 and then 07: whatever could go on a number makes it none. */
-	if (scan->at + n < scan->length && strchr("+-.0123456789eE", scan->bytes[scan->at + n]) && scan->bytes[scan->at + n])
+	if (scan->at + n < scan->length && strchr("+-.0123456789eE", scan->bytes[scan->at + n]) &&
+		scan->bytes[scan->at + n])
 		return refuse(scan, scan->at, "not a number");
 	scan->at += n;
 	return true;
@@ -130,7 +131,8 @@ cJSON *json_read(const char *bytes, size_t length, char reason[160])
 	const char *end = bytes;
 	cJSON *tree = cJSON_ParseWithLengthOpts(bytes, length, &end, 0);
 	if (!tree) {
-		refuse(&scan, (size_t)(end - bytes), length ? "the text ends or goes on in an unexpected way" : "the text is empty");
+		refuse(&scan, (size_t)(end - bytes),
+			length ? "the text ends or goes on in an unexpected way" : "the text is empty");
 		return NULL;
 	}
 	for (; end < bytes + length; end++)

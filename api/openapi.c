@@ -60,6 +60,11 @@ static const struct reply_header reply_headers[] = {
 	{ "ETag", "string", "Strong: the same request on the same build and device gives the same bytes." },
 	{ "Cache-Control", "string", "How long the reply may be kept." },
 	{ "Server-Timing", "string", "Milliseconds of queue, tables, each pass, read-back, encoding and in total." },
+	{ "Welkin-Method", "string", "The method that computed the sky." },
+	{ "Welkin-Device", "string", "What rendered it." },
+	{ "Welkin-Plan", "string", "The passes that ran and those left out, and why." },
+	{ "Welkin-Expected-Error", "number",
+		"Relative error of luminance to expect of the method, where it was measured." },
 	{ "Retry-After", "integer", "Seconds after which to try again, from the measured service time." },
 	{ "Allow", "string", "The methods this resource answers to." },
 };
@@ -79,8 +84,10 @@ static const struct problem_reply problem_replies[] = {
 	{ 413, "TooLarge", "The body is too large.", NULL },
 	{ 414, "UriTooLong", "The URL is too long.", NULL },
 	{ 415, "UnsupportedType", "The body is not JSON.", NULL },
-	{ 422, "OutOfRange", "Fields are unknown, out of range, in contradiction or outside the domain of the method.", NULL },
+	{ 422, "OutOfRange", "Fields are unknown, out of range, in contradiction or outside the domain of the method.",
+		NULL },
 	{ 429, "QueueFull", "Too much is waiting already.", "Retry-After" },
+	{ 500, "Failed", "The fault is the server's.", NULL },
 	{ 503, "Unavailable", "The renderer is being replaced.", "Retry-After" },
 	{ 504, "TimedOut", "The request was not done by its deadline.", NULL },
 };
@@ -91,35 +98,30 @@ struct media {
 	const char *type, *schema; /* schema NULL: binary */
 };
 
+/* What GET or POST does with a resource. Each answers to OPTIONS as well, and GET's also to HEAD. */
 struct operation {
 	const char *path, *method, *id, *summary;
-	const char *body;       /* schema of the JSON body, or NULL */
-	bool fields;            /* takes every field in the query */
-	bool renders;           /* waits in the queue */
+	const char *body; /* schema of the JSON body, or NULL */
+	bool renders;     /* waits in the queue; by GET, takes every field in the query */
 	struct media replies[4];
 };
 
 static const struct operation operations[] = {
-	{ "/v1/render.png", "get", "renderPng", "Render a picture as PNG", NULL, true, true, { { "image/png", NULL } } },
-	{ "/v1/render.png", "head", "headPng", "The headers of that picture", NULL, true, true, { { NULL, NULL } } },
-	{ "/v1/render.png", "options", "optionsPng", "The methods allowed", NULL, false, false, { { NULL, NULL } } },
-	{ "/v1/render.exr", "get", "renderExr", "Render a picture as OpenEXR, linear and with layers", NULL, true, true,
-	  { { "image/x-exr", NULL } } },
-	{ "/v1/render.exr", "head", "headExr", "The headers of that picture", NULL, true, true, { { NULL, NULL } } },
-	{ "/v1/render.exr", "options", "optionsExr", "The methods allowed", NULL, false, false, { { NULL, NULL } } },
-	{ "/v1/render", "post", "render", "Render a picture from JSON; Accept picks the type of the reply", "Request", false, true,
-	  { { "image/png", NULL }, { "image/x-exr", NULL }, { "multipart/mixed", NULL } } },
-	{ "/v1/render", "options", "optionsRender", "The methods allowed", NULL, false, false, { { NULL, NULL } } },
-	{ "/v1/radiance", "post", "radiance", "Measure spectral radiance in given directions", "RadianceRequest", false, true,
-	  { { "application/json", "RadianceReply" } } },
-	{ "/v1/radiance", "options", "optionsRadiance", "The methods allowed", NULL, false, false, { { NULL, NULL } } },
-	{ "/v1/methods", "get", "methods", "The methods, where they are valid, what they cost and how they err", NULL, false, false,
-	  { { "application/json", "Methods" } } },
-	{ "/v1/presets", "get", "presets", "The presets and the fields they set", NULL, false, false,
-	  { { "application/json", "Presets" } } },
-	{ "/version", "get", "version", "Version, build and device", NULL, false, false, { { "application/json", "Version" } } },
-	{ "/openapi.json", "get", "openapi", "This document", NULL, false, false, { { "application/json", NULL } } },
-	{ "/", "get", "page", "A page with a form of all fields", NULL, false, false, { { "text/html", NULL } } },
+	{ "/v1/render.png", "get", "renderPng", "Render a picture as PNG", NULL, true, { { "image/png", NULL } } },
+	{ "/v1/render.exr", "get", "renderExr", "Render a picture as OpenEXR, linear and with layers", NULL, true,
+		{ { "image/x-exr", NULL } } },
+	{ "/v1/render", "post", "render", "Render a picture from JSON; Accept picks the type of the reply", "Request",
+		true, { { "image/png", NULL }, { "image/x-exr", NULL }, { "multipart/mixed", NULL } } },
+	{ "/v1/radiance", "post", "radiance", "Measure spectral radiance in given directions", "RadianceRequest", true,
+		{ { "application/json", "RadianceReply" } } },
+	{ "/v1/methods", "get", "methods", "The methods, where they are valid, what they cost and how they err", NULL,
+		false, { { "application/json", "Methods" } } },
+	{ "/v1/presets", "get", "presets", "The presets and the fields they set", NULL, false,
+		{ { "application/json", "Presets" } } },
+	{ "/version", "get", "version", "Version, build, device and limits", NULL, false,
+		{ { "application/json", "Version" } } },
+	{ "/openapi.json", "get", "openapi", "This document", NULL, false, { { "application/json", NULL } } },
+	{ "/", "get", "page", "A page with a form of all fields", NULL, false, { { "text/html", NULL } } },
 };
 
 enum { OPERATION_COUNT = sizeof operations / sizeof operations[0] };
@@ -134,21 +136,21 @@ static void add_header_refs(cJSON *response, const char *const names[])
 	}
 }
 
-static void add_success(cJSON *responses, const struct operation *op)
+static bool takes_fields(const struct operation *op)
 {
-	static const char *const rendered[] = { "ETag", "Cache-Control", "Server-Timing", NULL };
-	static const char *const allow[] = { "Allow", NULL };
-	const bool options = !strcmp(op->method, "options");
-	cJSON *ok = doc_object(responses, options ? "204" : "200");
+	return op->renders && !op->body;
+}
+
+static void add_success(cJSON *responses, const struct operation *op, bool body)
+{
+	static const char *const rendered[] = { "ETag", "Cache-Control", "Server-Timing", "Welkin-Method",
+		"Welkin-Device", "Welkin-Plan", "Welkin-Expected-Error", NULL };
+	cJSON *ok = doc_object(responses, "200");
 	doc_string(ok, "description", op->summary);
 	if (op->renders)
 		add_header_refs(ok, rendered);
-	if (options)
-		add_header_refs(ok, allow);
-	if (!op->replies[0].type)
-		return;
-	cJSON *content = doc_object(ok, "content");
-	for (int i = 0; op->replies[i].type; i++) {
+	cJSON *content = body ? doc_object(ok, "content") : NULL;
+	for (int i = 0; body && op->replies[i].type; i++) {
 		cJSON *media = doc_object(content, op->replies[i].type);
 		char pointer[64];
 		snprintf(pointer, sizeof pointer, "schemas/%s", op->replies[i].schema ? op->replies[i].schema : "");
@@ -157,31 +159,44 @@ static void add_success(cJSON *responses, const struct operation *op)
 	}
 }
 
-/* Which problems an operation can end in. */
+/* Which problems an operation can end in; 404 and 405 are of paths and methods not in the document. */
 static bool may_fail(const struct operation *op, int status)
 {
 	switch (status) {
-	case 404: /* of paths that are not in this document */
+	case 404:
 	case 405:
 		return false;
 	case 413:
 	case 415:
 		return op->body != NULL;
 	case 414:
-		return op->fields;
-	case 406:
-		return op->replies[0].type != NULL && op->renders;
+		return takes_fields(op);
 	}
 	return op->renders;
 }
 
-static void add_operation(cJSON *paths, const struct operation *op)
+static void add_problems(cJSON *responses, const struct operation *op)
 {
-	cJSON *path = cJSON_GetObjectItemCaseSensitive(paths, op->path);
-	cJSON *o = doc_object(path ? path : doc_object(paths, op->path), op->method);
-	doc_string(o, "operationId", op->id);
+	for (int i = 0; i < PROBLEM_COUNT; i++) {
+		const struct problem_reply *problem = &problem_replies[i];
+		char status[16], pointer[64];
+		snprintf(status, sizeof status, "%d", problem->status);
+		snprintf(pointer, sizeof pointer, "responses/%s", problem->name);
+		if (may_fail(op, problem->status))
+			doc_ref(responses, status, pointer);
+	}
+	doc_ref(responses, "default", "responses/Problem");
+}
+
+/* suffix: what HEAD adds to the id of GET. */
+static void add_operation(cJSON *path, const struct operation *op, const char *method, const char *suffix)
+{
+	cJSON *o = doc_object(path, method);
+	char id[64];
+	snprintf(id, sizeof id, "%s%s", op->id, suffix);
+	doc_string(o, "operationId", id);
 	doc_string(o, "summary", op->summary);
-	if (op->fields)
+	if (takes_fields(op))
 		openapi_parameter_refs(doc_array(o, "parameters"));
 	if (op->body) {
 		cJSON *body = doc_object(o, "requestBody");
@@ -191,24 +206,40 @@ static void add_operation(cJSON *paths, const struct operation *op)
 		doc_ref(doc_object(doc_object(body, "content"), "application/json"), "schema", pointer);
 	}
 	cJSON *responses = doc_object(o, "responses");
-	add_success(responses, op);
-	if (op->fields)
+	add_success(responses, op, !*suffix);
+	if (!op->body && strcmp(op->path, "/version") != 0) /* which says how things are now */
 		doc_ref(responses, "304", "responses/NotModified");
-	for (int i = 0; i < PROBLEM_COUNT; i++) {
-		const struct problem_reply *problem = &problem_replies[i];
-		char status[16], pointer[64];
-		snprintf(status, sizeof status, "%d", problem->status);
-		snprintf(pointer, sizeof pointer, "responses/%s", problem->name);
-		if (may_fail(op, problem->status))
-			doc_ref(responses, status, pointer);
-	}
-	if (!op->renders)
-		doc_ref(responses, "default", "responses/MethodNotAllowed");
+	add_problems(responses, op);
+}
+
+static void add_options(cJSON *path, const struct operation *op)
+{
+	static const char *const allow[] = { "Allow", NULL };
+	char id[64];
+	snprintf(id, sizeof id, "%sOptions", op->id);
+	cJSON *o = doc_object(path, "options");
+	doc_string(o, "operationId", id);
+	doc_string(o, "summary", "The methods allowed");
+	cJSON *ok = doc_object(doc_object(o, "responses"), "204");
+	doc_string(ok, "description", "The methods allowed");
+	add_header_refs(ok, allow);
+}
+
+static void add_path(cJSON *paths, const struct operation *op)
+{
+	cJSON *path = doc_object(paths, op->path);
+	add_operation(path, op, op->method, "");
+	if (!strcmp(op->method, "get"))
+		add_operation(path, op, "head", "Head");
+	add_options(path, op);
 }
 
 static void add_responses(cJSON *responses)
 {
 	static const char *const etag[] = { "ETag", "Cache-Control", NULL };
+	cJSON *any = doc_object(responses, "Problem");
+	doc_string(any, "description", "Any other problem.");
+	doc_ref(doc_object(doc_object(any, "content"), "application/problem+json"), "schema", "schemas/Problem");
 	cJSON *not_modified = doc_object(responses, "NotModified");
 	doc_string(not_modified, "description", "What If-None-Match named is still right; nothing was rendered.");
 	add_header_refs(not_modified, etag);
@@ -218,7 +249,8 @@ static void add_responses(cJSON *responses)
 		doc_string(response, "description", problem->description);
 		if (problem->header)
 			add_header_refs(response, (const char *const[]){ problem->header, NULL });
-		doc_ref(doc_object(doc_object(response, "content"), "application/problem+json"), "schema", "schemas/Problem");
+		doc_ref(doc_object(doc_object(response, "content"), "application/problem+json"), "schema",
+			"schemas/Problem");
 	}
 }
 
@@ -238,8 +270,10 @@ static void add_info(cJSON *root, const char *version)
 	doc_string(info, "version", version);
 	doc_string(info, "summary", "Renders skies over HTTP.");
 	doc_string(info, "description",
-		"The fields of a request are the same in a query, with dotted names (sun.elevation_deg=5), and in JSON, as objects "
-		"inside objects; the same values give the same bytes either way. Lists in a query are separated by commas.");
+		"The fields of a request are the same in a query, with dotted names (sun.elevation_deg=5), and in "
+		"JSON, as objects "
+		"inside objects; the same values give the same bytes either way. Lists in a query are separated by "
+		"commas.");
 	cJSON *license = doc_object(info, "license");
 	doc_string(license, "name", "MIT");
 	doc_string(license, "identifier", "MIT");
@@ -254,7 +288,7 @@ char *welkin_openapi_json(const char *version)
 	doc_string(doc_object(doc_array(root, "servers"), NULL), "url", "/");
 	cJSON *paths = doc_object(root, "paths");
 	for (int i = 0; i < OPERATION_COUNT; i++)
-		add_operation(paths, &operations[i]);
+		add_path(paths, &operations[i]);
 	cJSON *components = doc_object(root, "components");
 	cJSON *parameters = doc_object(components, "parameters");
 	cJSON *schemas = doc_object(components, "schemas");

@@ -89,7 +89,8 @@ static void add_type(cJSON *schema, const struct welkin_field *field)
 	}
 }
 
-static void add_value(cJSON *schema, const char *key, const struct welkin_field *field, const struct welkin_request *request)
+static void add_value(
+	cJSON *schema, const char *key, const struct welkin_field *field, const struct welkin_request *request)
 {
 	struct text text = { 0 };
 	value_to_json(field, request, &text);
@@ -166,16 +167,18 @@ static void add_list(cJSON *properties, const char *name, const char *descriptio
 static void add_radiance_request(cJSON *schemas, const cJSON *request)
 {
 	cJSON *schema = add_request(schemas, "RadianceRequest",
-		"What to measure, and the fields of a picture's request; those of image, exposure and tone have no effect.");
+		"What to measure, and the fields of a picture's request; those of image, exposure and tone have no "
+		"effect.");
 	cJSON *properties = cJSON_GetObjectItemCaseSensitive(schema, "properties");
 	cJSON *required = doc_array(schema, "required");
 	doc_string(required, NULL, "directions");
 	doc_string(required, NULL, "wavelengths_nm");
-	add_list(properties, "directions", "Where to look, from the camera's position, in the horizontal frame of the place.",
-		16384);
+	add_list(properties, "directions",
+		"Where to look, from the camera's position, in the horizontal frame of the place.", 16384);
 	doc_ref(cJSON_GetObjectItemCaseSensitive(properties, "directions"), "items", "schemas/Direction");
 	add_list(properties, "wavelengths_nm", "Wavelengths in vacuum.", 64);
-	cJSON *items = cJSON_GetObjectItemCaseSensitive(cJSON_GetObjectItemCaseSensitive(properties, "wavelengths_nm"), "items");
+	cJSON *items = cJSON_GetObjectItemCaseSensitive(
+		cJSON_GetObjectItemCaseSensitive(properties, "wavelengths_nm"), "items");
 	doc_string(items, "type", "number");
 	doc_number(items, "minimum", 360);
 	doc_number(items, "maximum", 830);

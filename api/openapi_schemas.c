@@ -43,7 +43,8 @@ static void add_direction(cJSON *schemas)
 	static const char *const heights[] = { "elevation_deg", "zenith_deg" };
 	cJSON *schema = doc_object(schemas, "Direction");
 	doc_string(schema, "description",
-		"One direction: elevation or zenith angle with the azimuth clockwise from north, or a vector (x east, y up, z south) "
+		"One direction: elevation or zenith angle with the azimuth clockwise from north, or a vector (x east, "
+		"y up, z south) "
 		"of any length.");
 	cJSON *choices = doc_array(schema, "oneOf");
 	for (int i = 0; i < 2; i++) {
@@ -54,7 +55,8 @@ static void add_direction(cJSON *schemas)
 		doc_string(required, NULL, heights[i]);
 		doc_string(required, NULL, "azimuth_deg");
 		doc_object(choice, "properties");
-		cJSON *height = property(choice, heights[i], "number", i ? "Angle from the zenith." : "Angle above the horizon.");
+		cJSON *height = property(
+			choice, heights[i], "number", i ? "Angle from the zenith." : "Angle above the horizon.");
 		doc_number(height, "minimum", i ? 0 : -90);
 		doc_number(height, "maximum", i ? 180 : 90);
 		cJSON *azimuth = property(choice, "azimuth_deg", "number", "Clockwise from north.");
@@ -103,13 +105,51 @@ static void add_radiance_reply(cJSON *schemas)
 	cJSON *required = doc_array(schema, "required");
 	doc_string(required, NULL, "radiance");
 	doc_string(required, NULL, "unit");
+	property_list(schema, "wavelengths_nm", "number", "As asked for.");
 	property_table(schema, "radiance", "Spectral radiance, by direction and then by wavelength.", 0);
 	property_table(schema, "std_error", "Its standard error; null where the method has none.", 1);
-	property_table(schema, "transmittance", "From the camera to the top of the atmosphere; 0 where the ground is in the way.", 0);
+	property_table(schema, "transmittance",
+		"From the camera to the top of the atmosphere; 0 where the ground is in the way.", 0);
 	property_list(schema, "luminance_cd_m2", "number", "Luminance by direction, from the wavelengths asked for.");
-	property(schema, "unit", "string", "Unit of radiance and std_error: W/m2/sr/nm.");
-	property(schema, "timing_ms", "object", "How long each part took.");
+	property(schema, "unit", "string", "Unit of radiance and std_error.");
+	property(schema, "timing_ms", "number", "From the start of the wait to the end of the measurement.");
+	property(schema, "method", "string", "The method that was used.");
+	property(schema, "device", "string", "What computed it.");
+}
+
+static void add_metadata(cJSON *schemas)
+{
+	cJSON *schema =
+		add_schema(schemas, "Metadata", "About one picture: the first part of a multipart/mixed reply.");
+	doc_ref(cJSON_GetObjectItemCaseSensitive(schema, "properties"), "request", "schemas/Request");
+	property(schema, "type", "string", "Media type of the second part.");
+	property(schema, "bytes", "integer", "Its length.");
+	property(schema, "method", "string", "The method that was used.");
 	property(schema, "device", "string", "What rendered it.");
+	property(schema, "build", "string", "Version and revision of the program.");
+	property(schema, "bands", "integer", "How many wavelengths were rendered.");
+	property(schema, "exposure_scale", "number", "A pixel's value is the luminance in cd/m2 times this.");
+	cJSON *pass = property_list(schema, "plan", "object", "Which passes ran, which were left out, and why.");
+	doc_object(pass, "properties");
+	property(pass, "pass", "string", "Its name.");
+	property(pass, "ran", "boolean", "Whether it ran.");
+	property(pass, "why", "string", "The reason.");
+	property(schema, "timing_ms", "object", "How long each part took.");
+	property(schema, "total_ms", "number", "From the request's arrival to its reply.");
+}
+
+static void add_methods(cJSON *schemas)
+{
+	cJSON *schema = add_schema(schemas, "Methods", "The methods of this server.");
+	cJSON *item = property_list(schema, "methods", "object", "Sorted by name.");
+	doc_object(item, "properties");
+	property(item, "name", "string", "As in atmosphere.method.");
+	property(item, "summary", "string", "What it does.");
+	property(item, "source", "string", "Where it comes from.");
+	property(item, "single_scattering", "boolean", "Whether it leaves out all orders of scattering but the first.");
+	property(item, "physical", "boolean", "Whether it uses the coefficients of the atmosphere.");
+	property_list(item, "fields", "object", "The fields it reads beside camera and sun.");
+	property_list(item, "domain", "object", "Ranges of fields outside which it is refused, and why.");
 }
 
 void openapi_schemas(cJSON *schemas)
@@ -117,27 +157,20 @@ void openapi_schemas(cJSON *schemas)
 	add_direction(schemas);
 	add_problem(schemas);
 	add_radiance_reply(schemas);
+	add_metadata(schemas);
+	add_methods(schemas);
 
-	cJSON *schema = add_schema(schemas, "Metadata", "About one picture: the first part of a multipart/mixed reply.");
-	doc_ref(cJSON_GetObjectItemCaseSensitive(schema, "properties"), "request", "schemas/Request");
-	property(schema, "method", "string", "The method that was used.");
-	property(schema, "device", "string", "What rendered it.");
-	property(schema, "timing_ms", "object", "How long each part took.");
-
-	schema = add_schema(schemas, "Methods", "The methods of this server.");
-	cJSON *item = property_list(schema, "methods", "object", "Sorted by name.");
-	doc_object(item, "properties");
-	property(item, "name", "string", "As in atmosphere.method.");
-	property(item, "summary", "string", "What it does.");
-
-	schema = add_schema(schemas, "Presets", "The presets of this server.");
-	item = property_list(schema, "presets", "object", "In the order of atmosphere.preset.");
+	cJSON *schema = add_schema(schemas, "Presets", "The presets of this server.");
+	cJSON *item = property_list(schema, "presets", "object", "In the order of atmosphere.preset.");
 	doc_object(item, "properties");
 	property(item, "name", "string", "As in atmosphere.preset.");
 	property(item, "description", "string", "What it is.");
 	property(item, "fields", "object", "The fields it sets, by dotted name.");
 
 	schema = add_schema(schemas, "Version", "What is running.");
-	property(schema, "version", "string", "Of Welkin.");
+	property(schema, "name", "string", "welkin.");
+	property(schema, "version", "string", "Of the program.");
+	property(schema, "revision", "string", "Of its sources.");
 	property(schema, "device", "string", "What renders.");
+	property(schema, "limits", "object", "What the operator allows.");
 }

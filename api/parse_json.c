@@ -39,7 +39,8 @@ static void read_field(struct reader *reader, int index, const cJSON *json)
 static void fault_unknown(struct reader *reader, const char *name)
 {
 	if (welkin_field_find(name) >= 0)
-		welkin_fault_add(reader->faults, 422, name, "", "is a dotted name: in JSON it is an object inside an object");
+		welkin_fault_add(
+			reader->faults, 422, name, "", "is a dotted name: in JSON it is an object inside an object");
 	else
 		suggest_fault(name, reader->faults);
 }
@@ -188,7 +189,8 @@ static bool read_direction(struct reader *reader, const cJSON *json, int index, 
 	double height = 0, azimuth = 0;
 	const int which = found[ELEVATION] ? ELEVATION : ZENITH;
 	snprintf(name, sizeof name, "directions[%d].%s", index, keys[which]);
-	bool ok = read_number(reader, found[which], name, which == ELEVATION ? -90 : 0, which == ELEVATION ? 90 : 180, &height);
+	bool ok = read_number(
+		reader, found[which], name, which == ELEVATION ? -90 : 0, which == ELEVATION ? 90 : 180, &height);
 	snprintf(name, sizeof name, "directions[%d].azimuth_deg", index);
 	ok = read_number(reader, found[AZIMUTH], name, -360, 360, &azimuth) && ok;
 	from_angles(which == ELEVATION ? height : 90 - height, azimuth, out);
@@ -248,8 +250,8 @@ void welkin_photometer_finish(struct welkin_photometer *photometer)
 	*photometer = (struct welkin_photometer){ 0 };
 }
 
-void welkin_parse_json(struct welkin_draft *draft, const char *text, size_t length, struct welkin_photometer *photometer,
-	struct welkin_faults *faults)
+void welkin_parse_json(struct welkin_draft *draft, const char *text, size_t length,
+	struct welkin_photometer *photometer, struct welkin_faults *faults)
 {
 	struct reader reader = { .draft = draft, .photometer = photometer, .faults = faults };
 	if (photometer)

@@ -6,7 +6,8 @@
 
 enum { MAX_ARGUMENTS = 256 };
 
-void welkin_parse_argument(struct welkin_draft *draft, const char *name, const char *value, struct welkin_faults *faults)
+void welkin_parse_argument(
+	struct welkin_draft *draft, const char *name, const char *value, struct welkin_faults *faults)
 {
 	const int index = welkin_field_find(name);
 	if (index < 0) {
@@ -27,7 +28,10 @@ void welkin_parse_argument(struct welkin_draft *draft, const char *name, const c
 
 static int hex(char c)
 {
-	return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
+	return c >= '0' && c <= '9'   ? c - '0'
+	       : c >= 'a' && c <= 'f' ? c - 'a' + 10
+	       : c >= 'A' && c <= 'F' ? c - 'A' + 10
+				      : -1;
 }
 
 /* Decodes in place, which never grows. Returns what is wrong, or NULL. */

@@ -6,7 +6,10 @@
 
 /* λ⁻⁴ at the wavelengths of a triple; 1.24062e-6 is the scattering at 1 µm (Bruneton 2017's demo). */
 #define LAMBDA_4(um) (1.24062e-6 / ((um) * (um) * (um) * (um)))
-#define SAME(v) { v, v, v }
+#define SAME(v)                                                                                                        \
+	{                                                                                                              \
+		v, v, v                                                                                                \
+	}
 #define MIE 4.44e-6
 
 struct preset_value {

@@ -17,9 +17,9 @@
 enum welkin_projection {
 	WELKIN_PERSPECTIVE,     /* rectilinear, fov_deg vertical */
 	WELKIN_EQUIRECTANGULAR, /* 360° × 180°, image centre at the camera's heading and pitch */
-	WELKIN_FISHEYE,         /* equidistant dome about the camera's forward axis, fov_deg across the image's height */
-	WELKIN_CUBE_FACE,       /* one 90° face */
-	WELKIN_CUBEMAP,         /* horizontal cross of six faces, 4:3 */
+	WELKIN_FISHEYE,   /* equidistant dome about the camera's forward axis, fov_deg across the image's height */
+	WELKIN_CUBE_FACE, /* one 90° face */
+	WELKIN_CUBEMAP,   /* horizontal cross of six faces, 4:3 */
 };
 
 enum welkin_cube_face { WELKIN_FRONT, WELKIN_RIGHT, WELKIN_BACK, WELKIN_LEFT, WELKIN_UP, WELKIN_DOWN };
@@ -34,7 +34,13 @@ enum welkin_spectrum { WELKIN_SPECTRUM_RGB, WELKIN_SPECTRUM_4 };
 enum welkin_sun_spectrum { WELKIN_SUN_SOLAR, WELKIN_SUN_FLAT };
 enum welkin_phase { WELKIN_CORNETTE_SHANKS, WELKIN_HENYEY_GREENSTEIN, WELKIN_SCHLICK };
 enum welkin_exposure_mode { WELKIN_EXPOSURE_AUTO, WELKIN_EXPOSURE_EV, WELKIN_EXPOSURE_PUPIL };
-enum welkin_tone_map { WELKIN_TONE_AGX, WELKIN_TONE_ACES, WELKIN_TONE_REINHARD, WELKIN_TONE_EXPONENTIAL, WELKIN_TONE_NONE };
+enum welkin_tone_map {
+	WELKIN_TONE_AGX,
+	WELKIN_TONE_ACES,
+	WELKIN_TONE_REINHARD,
+	WELKIN_TONE_EXPONENTIAL,
+	WELKIN_TONE_NONE
+};
 
 struct welkin_image {
 	int32_t width, height;
@@ -74,7 +80,7 @@ struct welkin_atmosphere {
 	int32_t light_steps;
 	int32_t max_order; /* 0: all the orders the method has */
 	double turbidity;
-	double density_factor; /* on the densities of rayleigh and aerosol */
+	double density_factor;         /* on the densities of rayleigh and aerosol */
 	double planet_radius_m, top_m; /* top above the ground */
 	double rayleigh_scattering_per_m[3], rayleigh_scale_height_m;
 	double aerosol_scattering_per_m[3], aerosol_absorption_per_m[3], aerosol_scale_height_m, aerosol_g;

@@ -68,17 +68,17 @@ static void check_image(struct work *w, enum welkin_format format, const struct 
 	const struct welkin_image *image = &w->r->image;
 	const char *side = given(w, "image.width") || !given(w, "image.height") ? "image.width" : "image.height";
 	if (image->width > 16384 || image->height > 16384)
-		welkin_fault_add(w->faults, 422, side, "at most 16384 px for either side", "the image would be %d by %d",
-			image->width, image->height);
+		welkin_fault_add(w->faults, 422, side, "at most 16384 px for either side",
+			"the image would be %d by %d", image->width, image->height);
 	if (limits && (double)image->width * image->height > limits->max_pixels) {
 		char allowed[80];
 		snprintf(allowed, sizeof allowed, "width times height at most %.0f", limits->max_pixels);
-		welkin_fault_add(w->faults, 422, side, allowed, "%d by %d pixels are more than this server renders", image->width,
-			image->height);
+		welkin_fault_add(w->faults, 422, side, allowed, "%d by %d pixels are more than this server renders",
+			image->width, image->height);
 	}
 	if (image->projection == WELKIN_CUBE_FACE && image->width != image->height)
-		welkin_fault_add(w->faults, 422, side, "width equal to height", "a cube's face is square, not %d by %d", image->width,
-			image->height);
+		welkin_fault_add(w->faults, 422, side, "width equal to height", "a cube's face is square, not %d by %d",
+			image->width, image->height);
 	if (image->projection == WELKIN_CUBEMAP && (image->width % 4 || image->width / 4 * 3 != image->height))
 		welkin_fault_add(w->faults, 422, side, "4 n by 3 n pixels",
 			"a cubemap is a cross of square faces, which do not fit %d by %d", image->width, image->height);
@@ -89,11 +89,14 @@ static void check_image(struct work *w, enum welkin_format format, const struct 
 static void resolve_sun(struct work *w)
 {
 	struct welkin_sun *sun = &w->r->sun;
+	const bool elevation = given(w, "sun.elevation_deg"), azimuth = given(w, "sun.azimuth_deg");
+	if (elevation && azimuth)
+		return; /* the ephemeris takes most of the time of a resolve: 50 of 56 µs */
 	double elevation_deg, azimuth_deg;
 	welkin_sun_position(w->r->time_ms, w->r->latitude_deg, w->r->longitude_deg, &elevation_deg, &azimuth_deg);
-	if (!given(w, "sun.elevation_deg"))
+	if (!elevation)
 		sun->elevation_deg = elevation_deg;
-	if (!given(w, "sun.azimuth_deg"))
+	if (!azimuth)
 		sun->azimuth_deg = azimuth_deg;
 }
 
@@ -120,14 +123,15 @@ static void resolve_position(struct work *w)
 	if (altitude < 0 && altitude > -1e-3)
 		altitude = 0; /* coordinates of a point on a sphere are never exact */
 	if (altitude < 0)
-		welkin_fault_add(w->faults, 422, "camera.position_m", "on or above the ground", "is %.6g m below the ground",
-			-altitude);
+		welkin_fault_add(w->faults, 422, "camera.position_m", "on or above the ground",
+			"is %.6g m below the ground", -altitude);
 	else if (altitude > 1e8)
-		welkin_fault_add(w->faults, 422, "camera.position_m", "at most 1e8 m above the ground", "is %.6g m above the ground",
-			altitude);
+		welkin_fault_add(w->faults, 422, "camera.position_m", "at most 1e8 m above the ground",
+			"is %.6g m above the ground", altitude);
 	else if (given(w, "camera.altitude_m") && fabs(altitude - camera->altitude_m) > 1e-3 + 1e-6 * altitude)
 		welkin_fault_add(w->faults, 422, "camera.altitude_m", "one of the two, or both in agreement",
-			"%.10g m contradicts camera.position_m, which is %.10g m above the ground", camera->altitude_m, altitude);
+			"%.10g m contradicts camera.position_m, which is %.10g m above the ground", camera->altitude_m,
+			altitude);
 	camera->altitude_m = altitude;
 }
 

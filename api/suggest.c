@@ -27,22 +27,24 @@ static int distance(const char *a, const char *b)
 
 void suggest_fault(const char *name, struct welkin_faults *faults)
 {
-	/* Only while it will be kept: a body of many unknown names should not cost much. */
+	/* Only for the first few: a body of many unknown names should not cost much. */
+	enum { SUGGESTIONS = 8 };
 	int best = -1, least = 4;
-	for (int i = 0; i < welkin_field_count && faults->n < WELKIN_FAULTS_MAX; i++) {
+	for (int i = 0; i < welkin_field_count && faults->n < SUGGESTIONS; i++) {
 		const char *full = welkin_fields[i].name;
 		const char *last = strrchr(full, '.');
 		/* "sun.elevation" for sun.elevation_deg, "elevation_deg" for the same */
 		const size_t length = strlen(name);
 		const bool begins = length > 3 && !strncmp(full, name, length) && full[length] == '_';
 		const int d = begins || (last && !strcmp(last + 1, name)) ? 1 : distance(name, full);
-		if (d < least) {
+		if (d < least && d <= (int)length / 3) {
 			least = d;
 			best = i;
 		}
 	}
 	if (best >= 0)
-		welkin_fault_add(faults, 422, name, "see /openapi.json", "unknown field; is %s meant?", welkin_fields[best].name);
+		welkin_fault_add(faults, 422, name, "see /openapi.json", "unknown field; is %s meant?",
+			welkin_fields[best].name);
 	else
 		welkin_fault_add(faults, 422, name, "see /openapi.json", "unknown field");
 }

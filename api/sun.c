@@ -55,8 +55,8 @@ static struct ephemeris ask_libnova(double jd)
 	return e;
 }
 
-void welkin_sun_position(int64_t time_ms, double latitude_deg, double longitude_deg, double *elevation_deg,
-	double *azimuth_deg)
+void welkin_sun_position(
+	int64_t time_ms, double latitude_deg, double longitude_deg, double *elevation_deg, double *azimuth_deg)
 {
 	const double jd = 2440587.5 + (double)time_ms / 86400000.0;
 	const struct ephemeris e = ask_libnova(jd);
@@ -65,8 +65,7 @@ void welkin_sun_position(int64_t time_ms, double latitude_deg, double longitude_
 	lambda += (e.nutation.longitude - 20.4898 / 3600 / e.earth.R) * degree; /* aberration */
 	const double obliquity = (e.nutation.ecliptic + e.nutation.obliquity) * degree;
 
-	const double right_ascension =
-		atan2(sin(lambda) * cos(obliquity) - tan(beta) * sin(obliquity), cos(lambda));
+	const double right_ascension = atan2(sin(lambda) * cos(obliquity) - tan(beta) * sin(obliquity), cos(lambda));
 	const double declination = asin(sin(beta) * cos(obliquity) + cos(beta) * sin(obliquity) * sin(lambda));
 	const double sidereal = (e.sidereal_deg + e.nutation.longitude * cos(obliquity) + longitude_deg) * degree;
 

@@ -16,8 +16,8 @@ void text_append(struct text *text, const char *bytes, size_t length);
 void text_puts(struct text *text, const char *string);
 __attribute__((format(printf, 2, 3))) void text_printf(struct text *text, const char *format, ...);
 
-/* The fewest digits that read back as the same double (of a subnormal, at least enough); -0 as 0. Decimal notation for exponents
- * -4…14, else "1.5e-7". Valid as JSON and, having no '+', in a query. value must be finite. */
+/* The fewest digits that read back as the same double (of a subnormal, at least enough); -0 as 0. Decimal notation for
+ * exponents -4…14, else "1.5e-7". Valid as JSON and, having no '+', in a query. value must be finite. */
 void text_number(struct text *text, double value);
 
 /* A JSON string with its quotes; bytes that are not UTF-8 become U+FFFD. */

@@ -74,8 +74,8 @@ bool welkin_parse_time(const char *text, int64_t *time_ms)
 {
 	int year, month, day, hour, minute, second, offset_min, ms = 0;
 	if (!digits(&text, 4, &year) || !one_of(&text, "-") || !digits(&text, 2, &month) || !one_of(&text, "-") ||
-	    !digits(&text, 2, &day) || !one_of(&text, "Tt ") || !digits(&text, 2, &hour) || !one_of(&text, ":") ||
-	    !digits(&text, 2, &minute) || !one_of(&text, ":") || !digits(&text, 2, &second))
+		!digits(&text, 2, &day) || !one_of(&text, "Tt ") || !digits(&text, 2, &hour) || !one_of(&text, ":") ||
+		!digits(&text, 2, &minute) || !one_of(&text, ":") || !digits(&text, 2, &second))
 		return false;
 	if (one_of(&text, ".")) {
 		if (*text < '0' || *text > '9')
@@ -91,8 +91,8 @@ bool welkin_parse_time(const char *text, int64_t *time_ms)
 		second = 59;
 		ms = 999;
 	}
-	const int64_t result =
-		days_from_date(year, month, day) * 86400000 + ((hour * 60 + minute - offset_min) * 60 + second) * 1000LL + ms;
+	const int64_t result = days_from_date(year, month, day) * 86400000 +
+			       ((hour * 60 + minute - offset_min) * 60 + second) * 1000LL + ms;
 	/* The offset may lead out of the years that can be written again. */
 	if (result < days_from_date(0, 1, 1) * 86400000 || result >= days_from_date(10000, 1, 1) * 86400000)
 		return false;
@@ -114,6 +114,6 @@ void welkin_format_time(int64_t time_ms, char text[32])
 	char fraction[8] = "";
 	if (ms)
 		snprintf(fraction, sizeof fraction, ".%03d", ms);
-	snprintf(text, 32, "%04d-%02d-%02dT%02d:%02d:%02d%sZ", year, month, day, seconds / 3600, seconds / 60 % 60, seconds % 60,
-		fraction);
+	snprintf(text, 32, "%04d-%02d-%02dT%02d:%02d:%02d%sZ", year, month, day, seconds / 3600, seconds / 60 % 60,
+		seconds % 60, fraction);
 }

@@ -49,9 +49,9 @@ bool value_equal(const struct welkin_field *field, const struct welkin_request *
 
 double *value_numbers(const struct welkin_field *field, struct welkin_request *request, int *count)
 {
-	*count = field->type == WELKIN_TYPE_DOUBLE                                       ? 1
-	         : field->type == WELKIN_TYPE_VEC3 || field->type == WELKIN_TYPE_TRIPLE ? 3
-	                                                                                : 0;
+	*count = field->type == WELKIN_TYPE_DOUBLE                                      ? 1
+		 : field->type == WELKIN_TYPE_VEC3 || field->type == WELKIN_TYPE_TRIPLE ? 3
+											: 0;
 	return place(field, request);
 }
 
@@ -160,8 +160,8 @@ static bool store_numbers(const struct welkin_field *field, const double *values
 	return true;
 }
 
-static bool store_name(const struct welkin_field *field, const char *name, size_t length, struct welkin_request *request,
-	struct welkin_faults *faults)
+static bool store_name(const struct welkin_field *field, const char *name, size_t length,
+	struct welkin_request *request, struct welkin_faults *faults)
 {
 	const int index = find_name(field->names, name, length);
 	if (index < 0) {
@@ -230,8 +230,8 @@ static bool text_numbers(const struct welkin_field *field, const char *string, s
 		return store_numbers(field, values, n, request, faults);
 	char detail[120];
 	const char *wanted = field->type == WELKIN_TYPE_VEC3     ? "three numbers with commas between"
-	                     : field->type == WELKIN_TYPE_TRIPLE ? "one number, or three with commas between"
-	                                                         : "a number";
+			     : field->type == WELKIN_TYPE_TRIPLE ? "one number, or three with commas between"
+								 : "a number";
 	snprintf(detail, sizeof detail, "\"%.40s\" is not %s", string, wanted);
 	return fault(field, 400, faults, detail);
 }
@@ -243,7 +243,8 @@ bool value_from_text(const struct welkin_field *field, const char *string, struc
 	switch (field->type) {
 	case WELKIN_TYPE_BOOL:
 		*number = !strcmp(string, "true") || !strcmp(string, "1");
-		return *number || !strcmp(string, "false") || !strcmp(string, "0") || fault(field, 400, faults, "is not true or false");
+		return *number || !strcmp(string, "false") || !strcmp(string, "0") ||
+		       fault(field, 400, faults, "is not true or false");
 	case WELKIN_TYPE_ENUM:
 		return store_name(field, string, strlen(string), request, faults);
 	case WELKIN_TYPE_FLAGS:
@@ -300,8 +301,10 @@ bool value_from_json(const struct welkin_field *field, const cJSON *json, struct
 {
 	switch (field->type) {
 	case WELKIN_TYPE_BOOL:
-		if (cJSON_IsBool(json) || (cJSON_IsNumber(json) && (json->valuedouble == 0 || json->valuedouble == 1))) {
-			*(int32_t *)place(field, request) = cJSON_IsTrue(json) || (cJSON_IsNumber(json) && json->valuedouble == 1);
+		if (cJSON_IsBool(json) ||
+			(cJSON_IsNumber(json) && (json->valuedouble == 0 || json->valuedouble == 1))) {
+			*(int32_t *)place(field, request) =
+				cJSON_IsTrue(json) || (cJSON_IsNumber(json) && json->valuedouble == 1);
 			return true;
 		}
 		return fault(field, 400, faults, "is not true or false");

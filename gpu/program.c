@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PROGRAMS_MAX = 128, FILES_MAX = 32, DEPTH_MAX = 8 };
+enum { PROGRAMS_MAX = 128, FILES_MAX = 32, DEPTH_MAX = 8, STRETCHES_MAX = 2 * FILES_MAX + 64 };
 
 struct programs {
 	char dir[512];
@@ -16,13 +16,17 @@ struct programs {
 	struct program list[PROGRAMS_MAX];
 };
 
-/* A kernel being put together. GLSL's #line takes only a number for the file, so the names are
- * kept here and put into the driver's messages afterwards. */
+/* A kernel being put together. Its lines are numbered through and mapped back to files in messages:
+ * #line would be simpler, but Mesa forgets its file number in some of them. */
 struct assembly {
 	const char *dir;
 	FILE *out;
-	int n_files;
+	int line; /* written so far */
+	int n_files, n_stretches;
 	char files[FILES_MAX][64];
+	struct {
+		int first, file, line; /* from output line `first` on: lines of that file from `line` on */
+	} stretches[STRETCHES_MAX];
 };
 
 static char *read_text(const char *dir, const char *name, struct error *err)
@@ -66,6 +70,16 @@ static bool include_name(const char *line, char name[64])
 	return sscanf(line, " # include \"%63[^\"]\"%n", name, &end) == 1 && end > 0;
 }
 
+static bool begin_stretch(struct assembly *a, int file, int line, struct error *err)
+{
+	if (a->n_stretches == STRETCHES_MAX)
+		return error_set(err, "%s: too many includes", a->files[file]);
+	a->stretches[a->n_stretches].first = a->line + 1;
+	a->stretches[a->n_stretches].file = file;
+	a->stretches[a->n_stretches++].line = line;
+	return true;
+}
+
 static bool append_file(struct assembly *a, const char *name, int depth, struct error *err)
 {
 	for (int i = 0; i < a->n_files; i++)
@@ -78,32 +92,34 @@ static bool append_file(struct assembly *a, const char *name, int depth, struct 
 	char *text = read_text(a->dir, name, err);
 	if (!text)
 		return false;
-	bool ok = true;
 	int line_number = 1;
-	fprintf(a->out, "#line 1 %d\n", number);
+	bool ok = begin_stretch(a, number, 1, err);
 	for (char *line = text, *next; ok && *line; line = next, line_number++) {
 		const size_t length = strcspn(line, "\n");
 		next = line + length + (line[length] == '\n');
 		char included[64];
 		if (include_name(line, included)) {
-			ok = append_file(a, included, depth + 1, err);
-			fprintf(a->out, "#line %d %d\n", line_number + 1, number);
+			ok = append_file(a, included, depth + 1, err) && begin_stretch(a, number, line_number + 1, err);
 		} else {
 			fprintf(a->out, "%.*s\n", (int)length, line);
+			a->line++;
 		}
 	}
 	free(text);
 	return ok;
 }
 
-/* "A=1 B=2" as #define lines. */
-static void define_choices(FILE *out, const char *choices)
+/* "A=1 B=2" as #define lines; returns how many. */
+static int define_choices(FILE *out, const char *choices)
 {
+	int lines = 0;
 	for (const char *p = choices; *p; p += strspn(p, " ")) {
 		const int name = (int)strcspn(p, "= "), length = (int)strcspn(p, " ");
 		fprintf(out, "#define %.*s %.*s\n", name, p, length - name - 1, p + name + 1);
 		p += length;
+		lines++;
 	}
+	return lines;
 }
 
 static char *assemble(struct assembly *a, const char *name, const char *choices, struct error *err)
@@ -116,7 +132,7 @@ static char *assemble(struct assembly *a, const char *name, const char *choices,
 		return NULL;
 	}
 	fputs("#version 450 core\n#define WELKIN_GLSL 1\n", a->out);
-	define_choices(a->out, choices);
+	a->line = 2 + define_choices(a->out, choices);
 	const bool ok = append_file(a, name, 0, err);
 	if (fclose(a->out) == 0 && ok)
 		return source;
@@ -130,15 +146,31 @@ char *programs_source(const char *shader_dir, const char *name, const char *choi
 	return assemble(&a, name, choices, err);
 }
 
-/* Drivers write "3:12(5): error: …" or "3(12) : error …"; we say "sky.glsl:12(5): …". */
+/* Writes "file:line" for an output line. */
+static void write_place(FILE *out, const struct assembly *a, int line)
+{
+	int i = a->n_stretches - 1;
+	while (i > 0 && a->stretches[i].first > line)
+		i--;
+	fprintf(out, "%s:%d", a->files[a->stretches[i].file], a->stretches[i].line + line - a->stretches[i].first);
+}
+
+/* Drivers write "0:12(5): error: …" or "0(12) : error …"; we say "sky.glsl:7(5): error: …". */
 static void explain(const struct assembly *a, const char *name, const char *log, struct error *err)
 {
-	char *end;
-	const long number = strtol(log, &end, 10);
-	if (end != log && number >= 0 && number < a->n_files && (*end == ':' || *end == '('))
-		error_set(err, "shader %s: %s%s", name, a->files[number], end);
-	else
-		error_set(err, "shader %s: %s", name, log);
+	char text[1500] = "";
+	FILE *out = fmemopen(text, sizeof text - 1, "w");
+	for (const char *p = log; out && *p;) {
+		const int length = (int)strcspn(p, "\n");
+		int source, line, used = 0;
+		if (sscanf(p, "%d:%d%n", &source, &line, &used) == 2 || sscanf(p, "%d(%d)%n", &source, &line, &used) == 2)
+			write_place(out, a, line);
+		fprintf(out, "%.*s\n", length - used, p + used);
+		p += length + (p[length] == '\n');
+	}
+	if (out)
+		fclose(out);
+	error_set(err, "shader %s: %s", name, text);
 }
 
 static unsigned build(const char *dir, const char *name, const char *choices, struct error *err)

@@ -19,7 +19,8 @@ struct admin {
 
 static enum MHD_Result reply(struct MHD_Connection *mhd, int status, const char *type, char *text)
 {
-	struct MHD_Response *response = text ? MHD_create_response_from_buffer(strlen(text), text, MHD_RESPMEM_MUST_FREE) : NULL;
+	struct MHD_Response *response =
+		text ? MHD_create_response_from_buffer(strlen(text), text, MHD_RESPMEM_MUST_FREE) : NULL;
 	if (!response)
 		return MHD_NO;
 	MHD_add_response_header(response, "Content-Type", type);
@@ -42,8 +43,8 @@ static char *metrics(struct service *service)
 	return text_take(&text);
 }
 
-static enum MHD_Result handle(void *cls, struct MHD_Connection *mhd, const char *url, const char *method, const char *version,
-	const char *data, size_t *size, void **context)
+static enum MHD_Result handle(void *cls, struct MHD_Connection *mhd, const char *url, const char *method,
+	const char *version, const char *data, size_t *size, void **context)
 {
 	static int seen;
 	struct admin *admin = cls;
@@ -71,7 +72,8 @@ static enum MHD_Result handle(void *cls, struct MHD_Connection *mhd, const char 
 	return reply(mhd, 503, "text/plain; charset=utf-8", strdup(line));
 }
 
-static void notify_connection(void *cls, struct MHD_Connection *mhd, void **context, enum MHD_ConnectionNotificationCode code)
+static void notify_connection(
+	void *cls, struct MHD_Connection *mhd, void **context, enum MHD_ConnectionNotificationCode code)
 {
 	struct admin *admin = cls;
 	if (code == MHD_CONNECTION_NOTIFY_STARTED)
@@ -102,8 +104,8 @@ struct admin *admin_start(struct service *service, int listen_fd, struct error *
 	if (admin->connections) {
 		admin->daemon = MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD, 0, NULL, NULL, handle, admin,
 			MHD_OPTION_LISTEN_SOCKET, listen_fd, MHD_OPTION_CONNECTION_LIMIT, (unsigned)CONNECTIONS,
-			MHD_OPTION_NOTIFY_CONNECTION, notify_connection, admin,
-			MHD_OPTION_NOTIFY_COMPLETED, notify_completed, admin, MHD_OPTION_END);
+			MHD_OPTION_NOTIFY_CONNECTION, notify_connection, admin, MHD_OPTION_NOTIFY_COMPLETED,
+			notify_completed, admin, MHD_OPTION_END);
 		if (admin->daemon)
 			return admin;
 		error_set(err, "the HTTP library did not start: %s", strerror(errno));

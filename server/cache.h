@@ -13,7 +13,7 @@
 struct cache;
 
 struct cache *cache_create(size_t budget_bytes, void (*release)(void *value)); /* NULL: out of memory */
-void cache_destroy(struct cache *cache); /* nothing may be in progress */
+void cache_destroy(struct cache *cache);                                       /* nothing may be in progress */
 
 /* The value, now the most recently used, or NULL. Still the cache's: take a reference before the
  * lock goes. */

@@ -69,8 +69,9 @@ static int by_count(const void *a, const void *b)
 static void tree_depths(struct leaf *leaf, int n)
 {
 	uint64_t weight[LITERALS];
-	int leaf_parent[LITERALS], node_parent[LITERALS], level[LITERALS];
+	int leaf_parent[LITERALS] = { 0 }, node_parent[LITERALS] = { 0 }, level[LITERALS];
 	int leaves = 0, nodes = 0;
+	assert(n >= 2);
 	for (int made = 0; made < n - 1; made++) {
 		weight[made] = 0;
 		for (int side = 0; side < 2; side++) {
@@ -344,7 +345,8 @@ static unsigned char *align(struct bits *b)
 static unsigned char *put_stored(unsigned char *out, const unsigned char *data, size_t n)
 {
 	while (n) {
-		const uint16_t take = n < MAX_STORED ? (uint16_t)n : MAX_STORED, le = htole16(take), inverse = (uint16_t)~le;
+		const uint16_t take = n < MAX_STORED ? (uint16_t)n : MAX_STORED, le = htole16(take),
+			       inverse = (uint16_t)~le;
 		*out++ = 0;
 		memcpy(out, &le, 2);
 		memcpy(out + 2, &inverse, 2);

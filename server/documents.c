@@ -25,9 +25,10 @@ static const char *type_of(const char *name)
 	static const struct {
 		const char *suffix, *type;
 	} types[] = { { ".html", "text/html; charset=utf-8" }, { ".css", "text/css; charset=utf-8" },
-		{ ".js", "text/javascript; charset=utf-8" }, { ".json", "application/json" }, { ".svg", "image/svg+xml" },
-		{ ".png", "image/png" }, { ".ico", "image/x-icon" }, { ".txt", "text/plain; charset=utf-8" },
-		{ ".webmanifest", "application/manifest+json" }, { ".woff2", "font/woff2" } };
+		{ ".js", "text/javascript; charset=utf-8" }, { ".json", "application/json" },
+		{ ".svg", "image/svg+xml" }, { ".png", "image/png" }, { ".ico", "image/x-icon" },
+		{ ".txt", "text/plain; charset=utf-8" }, { ".webmanifest", "application/manifest+json" },
+		{ ".woff2", "font/woff2" } };
 	const char *dot = strrchr(name, '.');
 	for (size_t i = 0; dot && i < sizeof types / sizeof *types; i++)
 		if (!strcmp(dot, types[i].suffix))
@@ -37,7 +38,8 @@ static const char *type_of(const char *name)
 
 /* ---- /v1/methods ---- */
 
-static const char *const type_names[] = { "number", "integer", "boolean", "enum", "flags", "vector", "triple", "time", "seed" };
+static const char *const type_names[] = { "number", "integer", "boolean", "enum", "flags", "vector", "triple", "time",
+	"seed" };
 
 static void add_member(struct text *text, const char *name, const char *value)
 {
@@ -90,8 +92,8 @@ static void add_method(struct text *text, const struct method *m)
 	add_member(text, "summary", m->summary);
 	text_puts(text, ",");
 	add_member(text, "source", m->source);
-	text_printf(text, ",\"single_scattering\":%s,\"physical\":%s,\"fields\":[", m->single_scattering ? "true" : "false",
-		m->physical ? "true" : "false");
+	text_printf(text, ",\"single_scattering\":%s,\"physical\":%s,\"fields\":[",
+		m->single_scattering ? "true" : "false", m->physical ? "true" : "false");
 	for (int i = 0; m->fields && m->fields[i]; i++) {
 		text_puts(text, i ? "," : "");
 		add_field(text, m->fields[i]);
@@ -140,15 +142,16 @@ struct documents *documents_create(struct error *err)
 	if (d)
 		d->files = calloc(n + 1, sizeof *d->files);
 	if (!d || !d->files || !make(&d->made[DOCUMENT_METHODS], methods_json()) ||
-	    !make(&d->made[DOCUMENT_PRESETS], welkin_presets_json()) ||
-	    !make(&d->made[DOCUMENT_OPENAPI], welkin_openapi_json(build_version))) {
+		!make(&d->made[DOCUMENT_PRESETS], welkin_presets_json()) ||
+		!make(&d->made[DOCUMENT_OPENAPI], welkin_openapi_json(build_version))) {
 		documents_destroy(d);
 		error_set(err, "out of memory");
 		return NULL;
 	}
 	for (size_t i = 0; i < n; i++) {
 		const struct embedded_file *f = &welkin_embedded_www[i];
-		d->files[i] = (struct document){ .type = type_of(f->name), .data = f->data, .size = f->size, .page = true };
+		d->files[i] =
+			(struct document){ .type = type_of(f->name), .data = f->data, .size = f->size, .page = true };
 		hash_tag(f->data, f->size, d->files[i].tag);
 	}
 	return d;

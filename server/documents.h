@@ -10,9 +10,9 @@ struct document {
 	const char *type; /* media type */
 	const void *data;
 	size_t size;
-	char tag[33];     /* ETag without quotes */
-	bool page;        /* gets the page's security headers */
-	char *owned;      /* data, when it was made here */
+	char tag[33]; /* ETag without quotes */
+	bool page;    /* gets the page's security headers */
+	char *owned;  /* data, when it was made here */
 };
 
 enum { DOCUMENT_METHODS, DOCUMENT_PRESETS, DOCUMENT_OPENAPI, DOCUMENT_COUNT };

@@ -57,7 +57,8 @@ static const struct method *alternative(const struct welkin_request *request)
 	const struct method *found = NULL;
 	for (int i = 0; i < welkin_method_count; i++) {
 		const struct method *m = welkin_methods[i];
-		if (i != request->atmosphere.method && can_do(m, request) && (!found || (m->physical && !found->physical)))
+		if (i != request->atmosphere.method && can_do(m, request) &&
+			(!found || (m->physical && !found->physical)))
 			found = m;
 	}
 	return found;
@@ -76,7 +77,8 @@ void domain_check(const struct welkin_request *request, struct welkin_faults *fa
 		char allowed[96];
 		const struct method *other = alternative(request);
 		snprintf(allowed, sizeof allowed, "%.9g to %.9g for method %s", r->min, r->max, method->name);
-		welkin_fault_add(faults, 422, r->field, allowed, "%.9g is outside the domain of %s: %s.%s%s%s", value, method->name,
-			r->why ? r->why : "not valid there", other ? " Method " : "", other ? other->name : "", other ? " can do it." : "");
+		welkin_fault_add(faults, 422, r->field, allowed, "%.9g is outside the domain of %s: %s.%s%s%s", value,
+			method->name, r->why ? r->why : "not valid there", other ? " Method " : "",
+			other ? other->name : "", other ? " can do it." : "");
 	}
 }

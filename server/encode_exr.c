@@ -133,7 +133,8 @@ static void pass_turn(struct writer *writer)
 
 /* ---- header ---- */
 
-static void add_channel(struct writer *writer, const char *name, const unsigned char *data, size_t sample, size_t samples)
+static void add_channel(
+	struct writer *writer, const char *name, const unsigned char *data, size_t sample, size_t samples)
 {
 	const size_t stride = sample * samples;
 	writer->channels[writer->n_channels++] = (struct channel){ name, data, stride,
@@ -190,15 +191,21 @@ static exr_result_t set_doubles(struct writer *writer, const struct welkin_reque
 static exr_result_t set_environment(struct writer *writer, const struct welkin_request *request)
 {
 	if (request->image.projection != WELKIN_EQUIRECTANGULAR || request->camera.pitch_deg != 0 ||
-	    request->camera.roll_deg != 0)
+		request->camera.roll_deg != 0)
 		return EXR_ERR_SUCCESS;
 	return exr_attr_set_envmap(writer->exr, writer->part, "envmap", EXR_ENVMAP_LATLONG);
 }
 
 static exr_result_t set_attributes(struct writer *writer)
 {
-	static const exr_attr_chromaticities_t rec709 = { .red_x = 0.64f, .red_y = 0.33f, .green_x = 0.30f, .green_y = 0.60f,
-		.blue_x = 0.15f, .blue_y = 0.06f, .white_x = 0.3127f, .white_y = 0.3290f };
+	static const exr_attr_chromaticities_t rec709 = { .red_x = 0.64f,
+		.red_y = 0.33f,
+		.green_x = 0.30f,
+		.green_y = 0.60f,
+		.blue_x = 0.15f,
+		.blue_y = 0.06f,
+		.white_x = 0.3127f,
+		.white_y = 0.3290f };
 	const struct welkin_file_info *info = writer->info;
 	const struct welkin_request *request = info->request;
 	exr_context_t exr = writer->exr;
@@ -222,14 +229,17 @@ static exr_result_t set_attributes(struct writer *writer)
 static exr_result_t write_header(struct writer *writer)
 {
 	static const exr_compression_t compressions[] = { [WELKIN_EXR_NONE] = EXR_COMPRESSION_NONE,
-		[WELKIN_EXR_RLE] = EXR_COMPRESSION_RLE, [WELKIN_EXR_ZIPS] = EXR_COMPRESSION_ZIPS,
-		[WELKIN_EXR_ZIP] = EXR_COMPRESSION_ZIP, [WELKIN_EXR_PIZ] = EXR_COMPRESSION_PIZ };
+		[WELKIN_EXR_RLE] = EXR_COMPRESSION_RLE,
+		[WELKIN_EXR_ZIPS] = EXR_COMPRESSION_ZIPS,
+		[WELKIN_EXR_ZIP] = EXR_COMPRESSION_ZIP,
+		[WELKIN_EXR_PIZ] = EXR_COMPRESSION_PIZ };
 	const struct welkin_image *image = &writer->info->request->image;
 	exr_context_t exr = writer->exr;
 	exr_result_t r = exr_set_longname_support(exr, 1);
 	r = r ? r : exr_add_part(exr, NULL, EXR_STORAGE_SCANLINE, &writer->part);
-	r = r ? r : exr_initialize_required_attr_simple(exr, writer->part, image->width, image->height,
-		compressions[image->exr_compression]);
+	r = r ? r
+	      : exr_initialize_required_attr_simple(
+			exr, writer->part, image->width, image->height, compressions[image->exr_compression]);
 	r = r ? r : exr_set_zip_compression_level(exr, writer->part, 1);
 	for (int i = 0; !r && i < writer->n_channels; i++)
 		r = exr_add_channel(exr, writer->part, writer->channels[i].name, writer->channels[i].type,
@@ -259,7 +269,8 @@ static const unsigned char *channel_rows(const struct writer *writer, const stru
 	return writer->channels[channel].data + (size_t)y * writer->channels[channel].row_stride;
 }
 
-static bool point_channels(const struct writer *writer, const struct chunk *chunk, exr_encode_pipeline_t *pipeline, int y)
+static bool point_channels(
+	const struct writer *writer, const struct chunk *chunk, exr_encode_pipeline_t *pipeline, int y)
 {
 	for (int i = 0; i < pipeline->channel_count; i++) {
 		exr_coding_channel_info_t *to = &pipeline->channels[i];
@@ -319,7 +330,8 @@ static void encode_chunk(void *context, int index)
 	free(chunk.half_rows);
 }
 
-bool welkin_encode_exr(const struct welkin_file_info *info, const void *pixels, struct welkin_bytes *out, struct error *err)
+bool welkin_encode_exr(
+	const struct welkin_file_info *info, const void *pixels, struct welkin_bytes *out, struct error *err)
 {
 	const struct welkin_image *image = &info->request->image;
 	struct writer writer = { .info = info, .pixels = pixels, .err = err };
@@ -336,8 +348,9 @@ bool welkin_encode_exr(const struct welkin_file_info *info, const void *pixels, 
 	if (!r) {
 		r = write_header(&writer);
 		if (!r)
-			welkin_parallel(info->threads, (image->height + writer.rows_per_chunk - 1) / writer.rows_per_chunk,
-				encode_chunk, &writer);
+			welkin_parallel(info->threads,
+				(image->height + writer.rows_per_chunk - 1) / writer.rows_per_chunk, encode_chunk,
+				&writer);
 		const exr_result_t finished = exr_finish(&writer.exr); /* writes the chunk table */
 		r = r ? r : finished;
 	}

@@ -28,9 +28,9 @@ struct group {
 };
 
 struct image {
-	const unsigned char *pixels; /* RGBA, 8 bit or native 16 bit */
+	const unsigned char *pixels;       /* RGBA, 8 bit or native 16 bit */
 	int width, height, bits, channels; /* four channels for a cube cross, where alpha marks its six cells */
-	size_t row_bytes; /* of a PNG row without its filter byte */
+	size_t row_bytes;                  /* of a PNG row without its filter byte */
 	int rows_per_group, n_groups;
 	struct group *groups;
 };
@@ -92,15 +92,16 @@ static inline lane predict(enum filter filter, lane left, lane up)
 /* Rows lie in buffers with PAD zeros before and after them, so that lanes may read past both ends. */
 enum { LANE = 16, PAD = 16 };
 
-static inline lane residual(enum filter filter, const unsigned char *row, const unsigned char *up, size_t i, size_t pixel)
+static inline lane residual(
+	enum filter filter, const unsigned char *row, const unsigned char *up, size_t i, size_t pixel)
 {
 	return load(row + i) - predict(filter, load(row + i - pixel), load(up + i));
 }
 
 /* Small for what compresses well: the sum of the residuals' sizes, each at most 15, which follows
  * the length of a Huffman code better than the plain sum and lets 16 of them share a byte. */
-static inline uint64_t filter_cost(enum filter filter, const unsigned char *row, const unsigned char *up, size_t n,
-	size_t pixel)
+static inline uint64_t filter_cost(
+	enum filter filter, const unsigned char *row, const unsigned char *up, size_t n, size_t pixel)
 {
 	const lane most = { 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15 };
 	uint64_t cost = 0;
@@ -130,7 +131,8 @@ static inline void apply_filter(enum filter filter, const unsigned char *row, co
  * slow and loses to the average on dithered gradients. */
 static void filter_row(const unsigned char *row, const unsigned char *up, size_t n, size_t pixel, unsigned char *out)
 {
-	const uint64_t sub = filter_cost(FILTER_SUB, row, up, n, pixel), above = filter_cost(FILTER_UP, row, up, n, pixel),
+	const uint64_t sub = filter_cost(FILTER_SUB, row, up, n, pixel),
+		       above = filter_cost(FILTER_UP, row, up, n, pixel),
 		       average = filter_cost(FILTER_AVERAGE, row, up, n, pixel);
 	if (average < sub && average < above) {
 		out[0] = FILTER_AVERAGE;
@@ -248,12 +250,17 @@ static void add_text(png_structp png, png_infop chunks, const char *key, const c
 	if (!text)
 		return;
 	/* libpng copies both. */
-	png_text entry = { .compression = PNG_ITXT_COMPRESSION_NONE, .key = (char *)key, .text = (char *)text,
-		.itxt_length = strlen(text), .lang = (char *)"", .lang_key = (char *)"" };
+	png_text entry = { .compression = PNG_ITXT_COMPRESSION_NONE,
+		.key = (char *)key,
+		.text = (char *)text,
+		.itxt_length = strlen(text),
+		.lang = (char *)"",
+		.lang_key = (char *)"" };
 	png_set_text(png, chunks, &entry, 1);
 }
 
-static void write_head(png_structp png, png_infop chunks, const struct image *image, const struct welkin_file_info *info)
+static void write_head(
+	png_structp png, png_infop chunks, const struct image *image, const struct welkin_file_info *info)
 {
 	png_set_IHDR(png, chunks, (png_uint_32)image->width, (png_uint_32)image->height, image->bits,
 		image->channels == 4 ? PNG_COLOR_TYPE_RGB_ALPHA : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
@@ -306,11 +313,15 @@ static bool write_file(const struct image *image, const struct welkin_file_info 
 	return true;
 }
 
-bool welkin_encode_png(const struct welkin_file_info *info, const void *pixels, struct welkin_bytes *out, struct error *err)
+bool welkin_encode_png(
+	const struct welkin_file_info *info, const void *pixels, struct welkin_bytes *out, struct error *err)
 {
 	const struct welkin_image *asked = &info->request->image;
 	struct image image = {
-		.pixels = pixels, .width = asked->width, .height = asked->height, .bits = asked->png_bits,
+		.pixels = pixels,
+		.width = asked->width,
+		.height = asked->height,
+		.bits = asked->png_bits,
 		.channels = asked->projection == WELKIN_CUBEMAP ? 4 : 3,
 	};
 	struct sink sink = { .err = err };

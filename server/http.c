@@ -16,10 +16,10 @@ enum { CONNECTION_MEMORY = 65536, TARGET_MAX = 16384 };
 
 /* ---- the request line ---- */
 
-/* Called with the target as sent, before the library parses arguments. Its parser would choke on
- * more arguments than its memory holds (the client then hears nothing until a timeout), so the
- * arguments are taken here and the '?' in the library's own buffer is made an end of string; any
- * later '?' has to go too, since it searches the whole line. */
+/* Called with the target as sent, after the library found the first '?' and before it parses the
+ * arguments behind it. Its parser would choke on more arguments than its memory holds (the client
+ * then hears nothing until a timeout), so they are taken here, and the library's own buffer, which
+ * this is, ends right after the '?': it sees one empty argument. */
 static void *begin_call(void *cls, const char *target, struct MHD_Connection *mhd)
 {
 	struct http *http = cls;
@@ -40,8 +40,9 @@ static void *begin_call(void *cls, const char *target, struct MHD_Connection *mh
 	char *mark = strchr(path, '?');
 	call->query = strdup(mark ? mark + 1 : "");
 	call->path = strndup(path, mark ? (size_t)(mark - path) : strlen(path));
-	for (char *c = strchr(target, '?'); c; c = strchr(c + 1, '?'))
-		*c = c == mark ? 0 : '.';
+	mark = strchr(target, '?');
+	if (mark)
+		mark[1] = 0;
 	connection_deadline(http->connections, call->connection, http->options->header_deadline_s, true);
 	return call;
 }
@@ -84,8 +85,8 @@ static bool is_token(const char *name, size_t size)
 	return size > 0;
 }
 
-static enum MHD_Result check_header(void *cls, enum MHD_ValueKind kind, const char *name, size_t name_size, const char *value,
-	size_t value_size)
+static enum MHD_Result check_header(
+	void *cls, enum MHD_ValueKind kind, const char *name, size_t name_size, const char *value, size_t value_size)
 {
 	struct header_check *check = cls;
 	(void)kind;
@@ -179,7 +180,8 @@ static int early_status(const struct call *call, const char **detail)
 		*detail = "This resource does not have that method.";
 		return 405;
 	}
-	if (call->verb == VERB_POST && (!media_type_is(type, "application/json") || (coding && strcasecmp(coding, "identity")))) {
+	if (call->verb == VERB_POST &&
+		(!media_type_is(type, "application/json") || (coding && strcasecmp(coding, "identity")))) {
 		*detail = "The body must be application/json, without a content coding.";
 		return 415;
 	}
@@ -240,8 +242,8 @@ static enum MHD_Result answer(struct call *call)
 	return call->resource->answer(call);
 }
 
-static enum MHD_Result handle(void *cls, struct MHD_Connection *mhd, const char *url, const char *method, const char *version,
-	const char *data, size_t *size, void **context)
+static enum MHD_Result handle(void *cls, struct MHD_Connection *mhd, const char *url, const char *method,
+	const char *version, const char *data, size_t *size, void **context)
 {
 	struct call *call = *context;
 	(void)cls;
@@ -291,7 +293,8 @@ const char *call_header(const struct call *call, const char *name)
 
 /* ---- the daemon ---- */
 
-static void notify_connection(void *cls, struct MHD_Connection *mhd, void **context, enum MHD_ConnectionNotificationCode code)
+static void notify_connection(
+	void *cls, struct MHD_Connection *mhd, void **context, enum MHD_ConnectionNotificationCode code)
 {
 	struct http *http = cls;
 	if (code == MHD_CONNECTION_NOTIFY_STARTED)
@@ -308,8 +311,8 @@ static void library_log(void *cls, const char *format, va_list args)
 	log_event(LEVEL_DEBUG, "microhttpd", "message=\"%s\"", line);
 }
 
-struct http *http_start(const struct options *options, struct service *service, struct documents *documents, int listen_fd,
-	struct error *err)
+struct http *http_start(const struct options *options, struct service *service, struct documents *documents,
+	int listen_fd, struct error *err)
 {
 	struct http *http = calloc(1, sizeof *http);
 	if (!http) {
@@ -324,15 +327,12 @@ struct http *http_start(const struct options *options, struct service *service, 
 	http->connections = connections_start(service, err);
 	if (http->connections) {
 		const unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_SUSPEND_RESUME | MHD_USE_ERROR_LOG;
-		http->daemon = MHD_start_daemon(flags, 0, NULL, NULL, handle, http,
-			MHD_OPTION_EXTERNAL_LOGGER, library_log, NULL,
-			MHD_OPTION_LISTEN_SOCKET, listen_fd,
-			MHD_OPTION_CONNECTION_LIMIT, (unsigned)options->max_connections,
-			MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)CONNECTION_MEMORY,
-			MHD_OPTION_URI_LOG_CALLBACK, begin_call, http,
-			MHD_OPTION_NOTIFY_COMPLETED, end_call, http,
-			MHD_OPTION_NOTIFY_CONNECTION, notify_connection, http,
-			MHD_OPTION_END);
+		http->daemon = MHD_start_daemon(flags, 0, NULL, NULL, handle, http, MHD_OPTION_EXTERNAL_LOGGER,
+			library_log, NULL, MHD_OPTION_LISTEN_SOCKET, listen_fd, MHD_OPTION_CONNECTION_LIMIT,
+			(unsigned)options->max_connections, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+			(size_t)CONNECTION_MEMORY, MHD_OPTION_URI_LOG_CALLBACK, begin_call, http,
+			MHD_OPTION_NOTIFY_COMPLETED, end_call, http, MHD_OPTION_NOTIFY_CONNECTION, notify_connection,
+			http, MHD_OPTION_END);
 		if (http->daemon)
 			return http;
 		error_set(err, "the HTTP library did not start: %s", strerror(errno));

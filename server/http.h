@@ -36,7 +36,7 @@ struct call {
 	char *path, *query; /* as sent, not decoded; query is "" without '?' */
 	size_t path_length; /* of the whole target as sent */
 	enum verb verb;
-	const struct resource *resource; /* NULL: 404 */
+	const struct resource *resource;  /* NULL: 404 */
 	const struct embedded_file *file; /* page files */
 	struct text body;
 	size_t dropped;    /* body bytes not kept because there were too many */
@@ -63,8 +63,8 @@ struct http {
 };
 
 /* Takes the listening socket over, on success and on failure. */
-struct http *http_start(const struct options *options, struct service *service, struct documents *documents, int listen_fd,
-	struct error *err);
+struct http *http_start(const struct options *options, struct service *service, struct documents *documents,
+	int listen_fd, struct error *err);
 /* Stops accepting; requests on open connections get 503 from now on. */
 void http_quiesce(struct http *http);
 /* Requests being answered. */

@@ -82,7 +82,8 @@ bool listen_url(int fd, char *url, size_t size)
 	socklen_t length = sizeof address;
 	char host[128], port[16];
 	if (getsockname(fd, (struct sockaddr *)&address, &length) ||
-	    getnameinfo((struct sockaddr *)&address, length, host, sizeof host, port, sizeof port, NI_NUMERICHOST | NI_NUMERICSERV))
+		getnameinfo((struct sockaddr *)&address, length, host, sizeof host, port, sizeof port,
+			NI_NUMERICHOST | NI_NUMERICSERV))
 		return false;
 	snprintf(url, size, address.ss_family == AF_INET6 ? "http://[%s]:%s/" : "http://%s:%s/", host, port);
 	return true;

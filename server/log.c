@@ -35,7 +35,8 @@ void log_event(enum log_level level, const char *event, const char *format, ...)
 	clock_gettime(CLOCK_REALTIME, &now);
 	gmtime_r(&now.tv_sec, &utc);
 	size_t n = strftime(line, sizeof line, "%Y-%m-%dT%H:%M:%S", &utc);
-	n += (size_t)snprintf(line + n, sizeof line - n, ".%03ldZ %s event=%s ", now.tv_nsec / 1000000, level_names[level], event);
+	n += (size_t)snprintf(
+		line + n, sizeof line - n, ".%03ldZ %s event=%s ", now.tv_nsec / 1000000, level_names[level], event);
 	va_list args;
 	va_start(args, format);
 	const int more = vsnprintf(line + n, sizeof line - n - 1, format, args);

@@ -44,9 +44,11 @@ static int methods_command(void)
 {
 	for (int i = 0; i < welkin_method_count; i++) {
 		const struct method *m = welkin_methods[i];
-		printf("%-14s %s\n%-14s source: %s\n", m->name, m->summary ? m->summary : "", "", m->source ? m->source : "");
+		printf("%-14s %s\n%-14s source: %s\n", m->name, m->summary ? m->summary : "", "",
+			m->source ? m->source : "");
 		for (const struct method_range *r = m->domain; r && r->field; r++)
-			printf("%-14s domain: %s from %.9g to %.9g (%s)\n", "", r->field, r->min, r->max, r->why ? r->why : "");
+			printf("%-14s domain: %s from %.9g to %.9g (%s)\n", "", r->field, r->min, r->max,
+				r->why ? r->why : "");
 	}
 	return 0;
 }
@@ -54,7 +56,9 @@ static int methods_command(void)
 /* `welkin renderer --fd N …`: how the supervisor starts the renderer process; not for people. */
 static int renderer_command(int argc, char **argv)
 {
-	struct welkin_renderer_config config = { .device = "auto", .slice_ms = 8, .table_budget_mib = 256, .warmup = 1 };
+	struct welkin_renderer_config config = {
+		.device = "auto", .slice_ms = 8, .table_budget_mib = 256, .warmup = 1
+	};
 	int fd = -1;
 	for (int i = 1; i + 1 < argc; i += 2) {
 		if (!strcmp(argv[i], "--fd"))

@@ -6,8 +6,8 @@
 #include <time.h>
 #include <unistd.h>
 
-static const char *const resource_names[RESOURCE_COUNT] = { "/v1/render.png", "/v1/render.exr", "/v1/render", "/v1/radiance",
-	"/v1/methods", "/v1/presets", "/version", "/openapi.json", "/", "other" };
+static const char *const resource_names[RESOURCE_COUNT] = { "/v1/render.png", "/v1/render.exr", "/v1/render",
+	"/v1/radiance", "/v1/methods", "/v1/presets", "/version", "/openapi.json", "/", "other" };
 static const char *const stage_names[STAGE_COUNT] = { "queue", "render", "encode", "request" };
 static const char *const stage_help[STAGE_COUNT] = { "Time a render waited for the renderer.",
 	"Time from handing a render out to its result.", "Time to encode a reply.",
@@ -15,7 +15,8 @@ static const char *const stage_help[STAGE_COUNT] = { "Time a render waited for t
 static const int statuses[] = { 200, 204, 304, 400, 404, 405, 406, 413, 414, 415, 422, 429, 431, 500, 503, 504, 0 };
 enum { STATUS_COUNT = sizeof statuses / sizeof *statuses };
 
-static const double bucket_s[] = { 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60 };
+static const double bucket_s[] = { 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30,
+	60 };
 enum { BUCKET_COUNT = sizeof bucket_s / sizeof *bucket_s };
 
 struct histogram {
@@ -168,7 +169,8 @@ static void info_text(const struct metrics_gauges *g, struct text *text)
 	text_printf(text, ",software=\"%s\"} 1\n", g->device.software ? "true" : "false");
 	head(text, "welkin_resident_memory_bytes", "gauge", "Resident memory, by process.");
 	text_printf(text, "welkin_resident_memory_bytes{process=\"server\"} %.0f\n", metrics_resident_bytes(getpid()));
-	text_printf(text, "welkin_resident_memory_bytes{process=\"renderer\"} %.0f\n", metrics_resident_bytes(g->renderer_pid));
+	text_printf(text, "welkin_resident_memory_bytes{process=\"renderer\"} %.0f\n",
+		metrics_resident_bytes(g->renderer_pid));
 }
 
 void metrics_text(const struct metrics_gauges *g, struct text *text)
@@ -179,12 +181,16 @@ void metrics_text(const struct metrics_gauges *g, struct text *text)
 	single(text, "welkin_ready", "gauge", "1 while a small render works.", g->ready);
 	single(text, "welkin_http_requests_in_flight", "gauge", "Requests being answered.", requests);
 	single(text, "welkin_http_connections", "gauge", "Open connections.", connections);
-	single(text, "welkin_http_reaped_connections_total", "counter", "Connections closed for missing a deadline.", (double)reaped);
+	single(text, "welkin_http_reaped_connections_total", "counter", "Connections closed for missing a deadline.",
+		(double)reaped);
 	single(text, "welkin_queue_depth", "gauge", "Renders waiting for the renderer.", g->queue_depth);
 	single(text, "welkin_renders_in_flight", "gauge", "Renders at the renderer.", g->renders_in_flight);
-	single(text, "welkin_renders_cancelled_total", "counter", "Renders given up because every client had gone.", (double)cancelled);
-	single(text, "welkin_pixels_rendered_total", "counter", "Pixels, and directions times wavelengths, rendered.", (double)pixels_rendered);
-	single(text, "welkin_renderer_restarts_total", "counter", "Renderer processes that were lost and replaced.", (double)restarts);
+	single(text, "welkin_renders_cancelled_total", "counter", "Renders given up because every client had gone.",
+		(double)cancelled);
+	single(text, "welkin_pixels_rendered_total", "counter", "Pixels, and directions times wavelengths, rendered.",
+		(double)pixels_rendered);
+	single(text, "welkin_renderer_restarts_total", "counter", "Renderer processes that were lost and replaced.",
+		(double)restarts);
 	single(text, "welkin_cache_hits_total", "counter", "Images answered from the cache.", (double)g->cache_hits);
 	single(text, "welkin_cache_misses_total", "counter", "Images not found in the cache.", (double)g->cache_misses);
 	single(text, "welkin_cache_bytes", "gauge", "Memory held by cached images.", (double)g->cache_bytes);

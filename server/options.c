@@ -26,29 +26,41 @@ struct option {
 #define INT(field) KIND_INT, offsetof(struct options, field), sizeof(int)
 
 static const struct option table[] = {
-	{ "listen", STRING(listen), "127.0.0.1:8080", 0, 0, "ADDR:PORT", "where to serve; port 0 picks a free one; IPv6 as [::1]:8080" },
-	{ "admin", STRING(admin), "127.0.0.1:8081", 0, 0, "ADDR:PORT", "where /livez, /readyz and /metrics are served" },
+	{ "listen", STRING(listen), "127.0.0.1:8080", 0, 0, "ADDR:PORT",
+		"where to serve; port 0 picks a free one; IPv6 as [::1]:8080" },
+	{ "admin", STRING(admin), "127.0.0.1:8081", 0, 0, "ADDR:PORT",
+		"where /livez, /readyz and /metrics are served" },
 	{ "config", STRING(config), "", 0, 0, "FILE", "configuration file: lines of NAME = VALUE, names as here" },
-	{ "device", STRING(device), "auto", 0, 0, "auto|software|N", "device to render on; N as `welkin devices` counts" },
+	{ "device", STRING(device), "auto", 0, 0, "auto|software|N",
+		"device to render on; N as `welkin devices` counts" },
 	{ "shader-dir", STRING(shader_dir), "", 0, 0, "DIR", "read shaders from DIR instead of the built-in ones" },
-	{ "renderer", STRING(renderer), "", 0, 0, "PROGRAM", "program to start as the renderer process instead of this one" },
+	{ "renderer", STRING(renderer), "", 0, 0, "PROGRAM",
+		"program to start as the renderer process instead of this one" },
 	{ "log-level", STRING(log_level), "info", 0, 0, "LEVEL", "error, warn, info or debug" },
 	{ "max-pixels", DOUBLE(max_pixels), "33.6e6", 1, 268435456, "N", "largest image, width x height" },
-	{ "deadline-s", DOUBLE(deadline_s), "60", 0.05, 86400, "S", "longest time from a request to its answer; then 504" },
-	{ "watchdog-s", DOUBLE(watchdog_s), "10", 0.5, 3600, "S", "a renderer silent for that long is killed and replaced" },
+	{ "deadline-s", DOUBLE(deadline_s), "60", 0.05, 86400, "S",
+		"longest time from a request to its answer; then 504" },
+	{ "watchdog-s", DOUBLE(watchdog_s), "10", 0.5, 3600, "S",
+		"a renderer silent for that long is killed and replaced" },
 	{ "drain-s", DOUBLE(drain_s), "30", 0, 3600, "S", "longest wait for requests in flight after SIGTERM" },
 	{ "probe-s", DOUBLE(probe_s), "5", 0.1, 3600, "S", "period of the small render behind /readyz" },
-	{ "header-deadline-s", DOUBLE(header_deadline_s), "10", 0.1, 3600, "S", "longest time for a request's line and headers" },
+	{ "header-deadline-s", DOUBLE(header_deadline_s), "10", 0.1, 3600, "S",
+		"longest time for a request's line and headers" },
 	{ "body-deadline-s", DOUBLE(body_deadline_s), "30", 0.1, 3600, "S", "longest time for a request's body" },
-	{ "idle-deadline-s", DOUBLE(idle_deadline_s), "60", 0.1, 86400, "S", "a kept-alive connection without a request is closed after that" },
-	{ "reply-deadline-s", DOUBLE(reply_deadline_s), "120", 0.1, 86400, "S", "longest time for a client to take its answer" },
+	{ "idle-deadline-s", DOUBLE(idle_deadline_s), "60", 0.1, 86400, "S",
+		"a kept-alive connection without a request is closed after that" },
+	{ "reply-deadline-s", DOUBLE(reply_deadline_s), "120", 0.1, 86400, "S",
+		"longest time for a client to take its answer" },
 	{ "queue", INT(queue), "256", 1, 65536, "N", "renders that may wait; more get 429" },
-	{ "in-flight", INT(in_flight), "4", 1, 16, "N", "renders handed to the renderer at once; half of them may be large" },
-	{ "slice-ms", DOUBLE(slice_ms), "8", 0.1, 1000, "MS", "aimed length of one dispatch between two looks for other work" },
+	{ "in-flight", INT(in_flight), "4", 1, 16, "N",
+		"renders handed to the renderer at once; half of them may be large" },
+	{ "slice-ms", DOUBLE(slice_ms), "8", 0.1, 1000, "MS",
+		"aimed length of one dispatch between two looks for other work" },
 	{ "cache-mib", INT(cache_mib), "256", 0, 1048576, "MIB", "memory for encoded images; 0 keeps none" },
 	{ "table-mib", INT(table_mib), "256", 1, 1048576, "MIB", "memory for tables on the device" },
 	{ "encoders", INT(encoders), "0", 0, 256, "N", "encoder threads; 0 for one per processor" },
-	{ "max-connections", INT(max_connections), "1024", 4, 65536, "N", "open connections; more wait in the backlog" },
+	{ "max-connections", INT(max_connections), "1024", 4, 65536, "N",
+		"open connections; more wait in the backlog" },
 	{ "max-body-kib", INT(max_body_kib), "2048", 1, 1048576, "KIB", "largest request body; more gets 413" },
 };
 enum { OPTION_COUNT = sizeof table / sizeof *table };
@@ -63,7 +75,8 @@ static int option_find(const char *name, size_t length)
 }
 
 /* `shown` is how the user wrote the name: --queue, WELKIN_QUEUE or queue. */
-static bool option_set(struct options *options, int i, const char *shown, const char *value, const char *origin, struct error *err)
+static bool option_set(
+	struct options *options, int i, const char *shown, const char *value, const char *origin, struct error *err)
 {
 	const struct option *o = &table[i];
 	char *field = (char *)options + o->offset;
@@ -139,7 +152,8 @@ static bool load_file(struct options *options, const char *path, struct error *e
 	if (line < 0)
 		return error_set(err, "configuration file %s: %s", path, errno ? strerror(errno) : "can't be read");
 	if (line > 0)
-		return error_set(err, "configuration file %s, line %d: %s", path, line, reader.failed ? why.text : "not NAME = VALUE");
+		return error_set(err, "configuration file %s, line %d: %s", path, line,
+			reader.failed ? why.text : "not NAME = VALUE");
 	return true;
 }
 
@@ -169,7 +183,7 @@ static bool load_arguments(struct options *options, int argc, char **argv, bool 
 		char shown[64];
 		snprintf(shown, sizeof shown, "--%s", table[i].name);
 		if ((!only_config || !strcmp(table[i].name, "config")) &&
-		    !option_set(options, i, shown, value, "command line", err))
+			!option_set(options, i, shown, value, "command line", err))
 			return false;
 	}
 	return true;
@@ -226,7 +240,8 @@ void options_help(FILE *out)
 		char left[64], environment[64];
 		environment_name(o->name, environment);
 		snprintf(left, sizeof left, "--%s %s", o->name, o->argument);
-		fprintf(out, "  %-30s %s (default: %s; %s)\n", left, o->help, *o->fallback ? o->fallback : "none", environment);
+		fprintf(out, "  %-30s %s (default: %s; %s)\n", left, o->help, *o->fallback ? o->fallback : "none",
+			environment);
 	}
 	fprintf(out, "  %-30s show every option, its value and where it came from, and exit\n", "--print-config");
 }

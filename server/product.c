@@ -49,8 +49,8 @@ static void add_timings(const struct product *p, struct text *text)
 		text_json_string(text, p->result.passes[i].name);
 		text_printf(text, ",\"ms\":%.3f}", fmax(p->result.passes[i].ms, 0.001));
 	}
-	text_printf(text, "],\"readback\":%.3f,\"render\":%.3f,\"renderer_wall\":%.3f", fmax(p->result.readback_ms, 0.001),
-		fmax(p->result.render_ms, 0.001), fmax(p->wall_ms, 0.001));
+	text_printf(text, "],\"readback\":%.3f,\"render\":%.3f,\"renderer_wall\":%.3f",
+		fmax(p->result.readback_ms, 0.001), fmax(p->result.render_ms, 0.001), fmax(p->wall_ms, 0.001));
 	if (p->encode_ms > 0)
 		text_printf(text, ",\"encode\":%.3f", fmax(p->encode_ms, 0.001));
 	text_puts(text, "}");
@@ -163,7 +163,7 @@ bool product_encode(struct product *product, const void *pixels, int threads, st
 {
 	const int64_t start_us = clock_us();
 	const bool done = product->job.kind == WELKIN_JOB_RADIANCE ? encode_radiance(product, pixels, err)
-	                                                           : encode_image(product, pixels, threads, err);
+								   : encode_image(product, pixels, threads, err);
 	product->encode_ms = fmax(clock_ms_between(start_us, clock_us()), 0.001);
 	return done;
 }

@@ -19,7 +19,7 @@ struct product {
 };
 
 void product_ref(struct product *product);
-void product_unref(void *product); /* NULL is fine */
+void product_unref(void *product);                   /* NULL is fine */
 size_t product_bytes(const struct product *product); /* memory it holds */
 
 const char *product_type(const struct product *product); /* media type of the body */

@@ -66,8 +66,10 @@ static int help(void)
 	       "                     [--shader-dir DIR] [NAME=VALUE ...]\n"
 	       "\n"
 	       "Renders one request to a file, as the daemon would. The request is a JSON object of nested fields, on\n"
-	       "standard input for -; NAME=VALUE sets or overrides one field by its dotted name, and is enough without\n"
-	       "a request file. OUT.json holds radiances for a request with \"directions\" and \"wavelengths_nm\", else\n"
+	       "standard input for -; NAME=VALUE sets or overrides one field by its dotted name, and is enough "
+	       "without\n"
+	       "a request file. OUT.json holds radiances for a request with \"directions\" and \"wavelengths_nm\", "
+	       "else\n"
 	       "what a render of the image reports about itself. Faults of the request: one line each, status 2. A\n"
 	       "render that fails: status 1.\n"
 	       "\n"
@@ -112,7 +114,7 @@ static int read_arguments(struct command *command, int argc, char **argv)
 		const char *value;
 		bool missing = false;
 		if ((value = option_value(argc, argv, &i, "-o", &missing)) ||
-		    (value = option_value(argc, argv, &i, "--out", &missing)))
+			(value = option_value(argc, argv, &i, "--out", &missing)))
 			command->out_path = value;
 		else if ((value = option_value(argc, argv, &i, "--device", &missing)))
 			command->device = value;
@@ -197,7 +199,8 @@ static int print_faults(const struct welkin_faults *faults)
 {
 	for (int i = 0; i < faults->n && i < WELKIN_FAULTS_MAX; i++) {
 		const struct welkin_fault *f = &faults->list[i];
-		complain("%s%s%s%s%s", f->field, *f->field ? ": " : "", f->detail, *f->allowed ? "; allowed: " : "", f->allowed);
+		complain("%s%s%s%s%s", f->field, *f->field ? ": " : "", f->detail, *f->allowed ? "; allowed: " : "",
+			f->allowed);
 	}
 	if (faults->n > WELKIN_FAULTS_MAX)
 		complain("and %d more faults", faults->n - WELKIN_FAULTS_MAX);
@@ -205,7 +208,8 @@ static int print_faults(const struct welkin_faults *faults)
 }
 
 /* photometer->directions stays NULL for an image. */
-static int read_request(const struct command *command, struct welkin_request *request, struct welkin_photometer *photometer)
+static int read_request(
+	const struct command *command, struct welkin_request *request, struct welkin_photometer *photometer)
 {
 	const struct welkin_limits limits = { .max_pixels = max_pixels };
 	struct welkin_draft draft = { 0 };
@@ -324,7 +328,8 @@ static bool render(const struct command *command, struct run *run)
 	run->product->wall_ms = fmax(clock_ms_between(sent_us, clock_us()), 0.001);
 	const struct welkin_result *result = &run->product->result;
 	if (done && result->status != WELKIN_DONE)
-		snprintf(run->failure, sizeof run->failure, "%.255s", *result->message ? result->message : "the render failed");
+		snprintf(run->failure, sizeof run->failure, "%.255s",
+			*result->message ? result->message : "the render failed");
 	return !*run->failure;
 }
 
@@ -393,8 +398,8 @@ static void print_timings(const struct command *command, const struct product *p
 	fprintf(stderr, ", %s on %s:", welkin_method_names[p->job.request.atmosphere.method], p->device);
 	for (int i = 0; i < p->result.n_passes && i < WELKIN_MAX_PASSES; i++)
 		fprintf(stderr, " %.31s %.1f ms,", p->result.passes[i].name, p->result.passes[i].ms);
-	fprintf(stderr, " read-back %.1f ms, encode %.1f ms, in all %.1f ms, %zu bytes\n", p->result.readback_ms, p->encode_ms,
-		clock_ms_between(start_us, clock_us()), p->body.size);
+	fprintf(stderr, " read-back %.1f ms, encode %.1f ms, in all %.1f ms, %zu bytes\n", p->result.readback_ms,
+		p->encode_ms, clock_ms_between(start_us, clock_us()), p->body.size);
 }
 
 static bool encode(const struct command *command, struct run *run, struct error *err)
@@ -420,10 +425,12 @@ static bool prepare(struct run *run, const struct welkin_request *request, const
 	p->job.request = *request;
 	run->buffer = buffer_get(&run->pool, welkin_job_bytes(&p->job), err);
 	if (run->buffer && photometer->directions) {
-		const struct welkin_radiance_layout l = welkin_radiance_layout(p->job.n_directions, p->job.n_wavelengths);
+		const struct welkin_radiance_layout l =
+			welkin_radiance_layout(p->job.n_directions, p->job.n_wavelengths);
 		double *values = run->buffer->map;
 		memcpy(values + l.directions, photometer->directions, sizeof(double) * 3 * (size_t)p->job.n_directions);
-		memcpy(values + l.wavelengths, photometer->wavelengths_nm, sizeof(double) * (size_t)p->job.n_wavelengths);
+		memcpy(values + l.wavelengths, photometer->wavelengths_nm,
+			sizeof(double) * (size_t)p->job.n_wavelengths);
 	}
 	return run->buffer;
 }

@@ -12,7 +12,8 @@
 
 enum { IMAGE_MAX_AGE_S = 86400, DOCUMENT_MAX_AGE_S = 300 };
 
-__attribute__((format(printf, 3, 4))) static void header(struct MHD_Response *response, const char *name, const char *format, ...)
+__attribute__((format(printf, 3, 4))) static void header(
+	struct MHD_Response *response, const char *name, const char *format, ...)
 {
 	char value[4096];
 	va_list args;
@@ -33,7 +34,8 @@ static enum MHD_Result send_reply(struct call *call, int status, struct MHD_Resp
 		header(response, "Access-Control-Allow-Origin", "*");
 		header(response, "Timing-Allow-Origin", "*");
 		header(response, "Access-Control-Expose-Headers",
-			"ETag, Retry-After, Server-Timing, Welkin-Device, Welkin-Expected-Error, Welkin-Method, Welkin-Plan");
+			"ETag, Retry-After, Server-Timing, Welkin-Device, Welkin-Expected-Error, Welkin-Method, "
+			"Welkin-Plan");
 	}
 	if (call->closes || atomic_load(&call->http->draining))
 		header(response, "Connection", "close");
@@ -59,29 +61,43 @@ static struct MHD_Response *empty_response(void)
 static const char *title_of(int status)
 {
 	switch (status) {
-	case 400: return "Bad request";
-	case 404: return "Not found";
-	case 405: return "Method not allowed";
-	case 406: return "Not acceptable";
-	case 413: return "Content too large";
-	case 414: return "URI too long";
-	case 415: return "Unsupported media type";
-	case 422: return "Out of range";
-	case 429: return "Too many requests";
-	case 503: return "Service unavailable";
-	case 504: return "Deadline passed";
-	default: return "Internal error";
+	case 400:
+		return "Bad request";
+	case 404:
+		return "Not found";
+	case 405:
+		return "Method not allowed";
+	case 406:
+		return "Not acceptable";
+	case 413:
+		return "Content too large";
+	case 414:
+		return "URI too long";
+	case 415:
+		return "Unsupported media type";
+	case 422:
+		return "Out of range";
+	case 429:
+		return "Too many requests";
+	case 503:
+		return "Service unavailable";
+	case 504:
+		return "Deadline passed";
+	default:
+		return "Internal error";
 	}
 }
 
 static void allow_text(const struct call *call, char text[64])
 {
-	const int verbs = call->resource ? call->resource->verbs | VERB_OPTIONS : VERB_GET | VERB_HEAD | VERB_POST | VERB_OPTIONS;
-	snprintf(text, 64, "%s%s%s", verbs & VERB_GET ? "GET, HEAD, " : "", verbs & VERB_POST ? "POST, " : "", "OPTIONS");
+	const int verbs =
+		call->resource ? call->resource->verbs | VERB_OPTIONS : VERB_GET | VERB_HEAD | VERB_POST | VERB_OPTIONS;
+	snprintf(text, 64, "%s%s%s", verbs & VERB_GET ? "GET, HEAD, " : "", verbs & VERB_POST ? "POST, " : "",
+		"OPTIONS");
 }
 
-enum MHD_Result reply_problem(struct call *call, int status, const char *detail, const struct welkin_faults *faults,
-	int retry_after_s)
+enum MHD_Result reply_problem(
+	struct call *call, int status, const char *detail, const struct welkin_faults *faults, int retry_after_s)
 {
 	char *json = welkin_problem_json(status, "about:blank", title_of(status), detail, call->path, faults);
 	struct MHD_Response *response = response_of_text(json);
@@ -121,7 +137,8 @@ enum MHD_Result reply_document(struct call *call, const struct document *d)
 {
 	const bool same = etag_matches(call_header(call, "If-None-Match"), d->tag);
 	struct MHD_Response *response =
-		same ? empty_response() : MHD_create_response_from_buffer(d->size, (void *)d->data, MHD_RESPMEM_PERSISTENT);
+		same ? empty_response()
+		     : MHD_create_response_from_buffer(d->size, (void *)d->data, MHD_RESPMEM_PERSISTENT);
 	if (!response)
 		return MHD_NO;
 	header(response, "ETag", "\"%s\"", d->tag);
@@ -129,8 +146,9 @@ enum MHD_Result reply_document(struct call *call, const struct document *d)
 	if (!same)
 		header(response, "Content-Type", "%s", d->type);
 	if (d->page) {
-		header(response, "Content-Security-Policy", "default-src 'self'; img-src 'self' blob: data:; base-uri 'none'; "
-		                                            "form-action 'self'; frame-ancestors 'none'");
+		header(response, "Content-Security-Policy",
+			"default-src 'self'; img-src 'self' blob: data:; base-uri 'none'; "
+			"form-action 'self'; frame-ancestors 'none'");
 		header(response, "Referrer-Policy", "no-referrer");
 	}
 	return send_reply(call, same ? 304 : 200, response);
@@ -193,8 +211,8 @@ static void release_product(void *product)
 static struct MHD_Response *response_of_product(struct product *product)
 {
 	product_ref(product);
-	struct MHD_Response *response = MHD_create_response_from_buffer_with_free_callback_cls(product->body.size,
-		product->body.data, release_product, product);
+	struct MHD_Response *response = MHD_create_response_from_buffer_with_free_callback_cls(
+		product->body.size, product->body.data, release_product, product);
 	if (!response)
 		product_unref(product);
 	return response;
@@ -203,8 +221,9 @@ static struct MHD_Response *response_of_product(struct product *product)
 enum MHD_Result reply_image_head(struct call *call, const struct product *product)
 {
 	/* Without the image its length is not known, and a wrong one would be worse than none. */
-	struct MHD_Response *response = product ? response_of_product((struct product *)product)
-	                                        : MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, 64, no_bytes, NULL, NULL);
+	struct MHD_Response *response =
+		product ? response_of_product((struct product *)product)
+			: MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, 64, no_bytes, NULL, NULL);
 	if (!response)
 		return MHD_NO;
 	image_headers(call, response);
@@ -259,7 +278,8 @@ static struct MHD_Response *response_of_parts(struct call *call, struct product 
 	struct text head = { 0 };
 	text_printf(&head, "--%s\r\nContent-Type: application/json\r\n\r\n", boundary);
 	text_puts(&head, json);
-	text_printf(&head, "\r\n--%s\r\nContent-Type: %s\r\nContent-Length: %zu\r\n\r\n", boundary, product_type(p), p->body.size);
+	text_printf(&head, "\r\n--%s\r\nContent-Type: %s\r\nContent-Length: %zu\r\n\r\n", boundary, product_type(p),
+		p->body.size);
 	free(json);
 	const size_t head_size = head.length;
 	parts->head = text_take(&head);
@@ -299,7 +319,8 @@ enum MHD_Result reply_product(struct call *call, bool hit)
 {
 	struct product *p = call->ticket.product;
 	char boundary[64] = "";
-	struct MHD_Response *response = call->multipart ? response_of_parts(call, p, hit, boundary) : response_of_product(p);
+	struct MHD_Response *response =
+		call->multipart ? response_of_parts(call, p, hit, boundary) : response_of_product(p);
 	if (!response)
 		return MHD_NO;
 	if (call->multipart)

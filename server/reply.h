@@ -7,8 +7,8 @@
  * comes from the library: MHD_NO drops the connection. */
 
 /* application/problem+json; faults may be NULL; retry_after_s 0: no such header. */
-enum MHD_Result reply_problem(struct call *call, int status, const char *detail, const struct welkin_faults *faults,
-	int retry_after_s);
+enum MHD_Result reply_problem(
+	struct call *call, int status, const char *detail, const struct welkin_faults *faults, int retry_after_s);
 
 /* 204 with Allow and the CORS permissions. */
 enum MHD_Result reply_options(struct call *call);

@@ -22,7 +22,8 @@ static bool resolve(struct call *call, const struct welkin_draft *draft, enum we
 	if (!faults->n)
 		return true;
 	char detail[128];
-	snprintf(detail, sizeof detail, "%d field%s of the request cannot be used; see errors.", faults->n, faults->n > 1 ? "s" : "");
+	snprintf(detail, sizeof detail, "%d field%s of the request cannot be used; see errors.", faults->n,
+		faults->n > 1 ? "s" : "");
 	*result = reply_problem(call, faults->status ? faults->status : 400, detail, faults, 0);
 	return false;
 }
@@ -62,7 +63,8 @@ static enum MHD_Result answer_render_get(struct call *call)
 	struct welkin_faults faults = { 0 };
 	enum MHD_Result result;
 	welkin_parse_query(&draft, call->query, strlen(call->query), &faults);
-	if (!resolve(call, &draft, (enum welkin_format)call->resource->argument, call->http->options->max_pixels, &faults, &result))
+	if (!resolve(call, &draft, (enum welkin_format)call->resource->argument, call->http->options->max_pixels,
+		    &faults, &result))
 		return result;
 	return render(call);
 }
@@ -86,7 +88,8 @@ static enum MHD_Result answer_render_post(struct call *call)
 	enum welkin_format format;
 	enum MHD_Result result;
 	if (!negotiate_image(call_header(call, "Accept"), &format, &call->multipart))
-		return reply_problem(call, 406, "This resource gives image/png, image/x-exr and multipart/mixed.", NULL, 0);
+		return reply_problem(
+			call, 406, "This resource gives image/png, image/x-exr and multipart/mixed.", NULL, 0);
 	welkin_parse_json(&draft, call->body.data ? call->body.data : "", call->body.length, NULL, &faults);
 	if (!resolve(call, &draft, format, call->http->options->max_pixels, &faults, &result))
 		return result;
@@ -141,19 +144,22 @@ static enum MHD_Result answer_version(struct call *call)
 	text_puts(&text, ",\"version\":");
 	text_json_string(&text, device.version);
 	text_printf(&text, ",\"software\":%s,\"index\":%d}", device.software ? "true" : "false", device.index);
-	text_printf(&text, ",\"limits\":{\"max_pixels\":%.0f,\"deadline_s\":%g,\"max_body_kib\":%d,\"queue\":%d}}\n", o->max_pixels,
-		o->deadline_s, o->max_body_kib, o->queue);
+	text_printf(&text, ",\"limits\":{\"max_pixels\":%.0f,\"deadline_s\":%g,\"max_body_kib\":%d,\"queue\":%d}}\n",
+		o->max_pixels, o->deadline_s, o->max_body_kib, o->queue);
 	return reply_json(call, text_take(&text));
 }
 
 /* Browsers ask for it whatever the page says; no icon is no error. */
 static enum MHD_Result answer_favicon(struct call *call)
 {
-	static const char icon[] = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 16 16\"><defs><linearGradient id=\"s\" "
-	                           "x2=\"0\" y2=\"1\"><stop stop-color=\"#1c4f9c\"/><stop offset=\"1\" stop-color=\"#cfe4f5\"/>"
-	                           "</linearGradient></defs><rect width=\"16\" height=\"16\" rx=\"3\" fill=\"url(#s)\"/>"
-	                           "<circle cx=\"11\" cy=\"6\" r=\"2.5\" fill=\"#fff3c4\"/></svg>";
-	static const struct document document = { .type = "image/svg+xml", .data = icon, .size = sizeof icon - 1, .tag = "favicon-1" };
+	static const char icon[] =
+		"<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 16 16\"><defs><linearGradient id=\"s\" "
+		"x2=\"0\" y2=\"1\"><stop stop-color=\"#1c4f9c\"/><stop offset=\"1\" stop-color=\"#cfe4f5\"/>"
+		"</linearGradient></defs><rect width=\"16\" height=\"16\" rx=\"3\" fill=\"url(#s)\"/>"
+		"<circle cx=\"11\" cy=\"6\" r=\"2.5\" fill=\"#fff3c4\"/></svg>";
+	static const struct document document = {
+		.type = "image/svg+xml", .data = icon, .size = sizeof icon - 1, .tag = "favicon-1"
+	};
 	return reply_document(call, &document);
 }
 

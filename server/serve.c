@@ -7,6 +7,7 @@
 #include "server/version.h"
 
 #include <errno.h>
+#include <malloc.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
@@ -63,7 +64,7 @@ static bool start(struct server *server, struct error *err)
 	const struct options *o = &server->options;
 	char url[160], admin_url[160];
 	if (!open_signals(server, err) || !listen_url(server->http_fd, url, sizeof url) ||
-	    !listen_url(server->admin_fd, admin_url, sizeof admin_url))
+		!listen_url(server->admin_fd, admin_url, sizeof admin_url))
 		return false;
 	server->documents = documents_create(err);
 	server->service = server->documents ? service_start(o, err) : NULL;
@@ -81,8 +82,8 @@ static bool start(struct server *server, struct error *err)
 	printf("welkin ready: %s admin %s device %s\n", url, admin_url, device.name);
 	fflush(stdout);
 	sd_notify(0, "READY=1");
-	log_event(LEVEL_INFO, "serving", "url=%s admin=%s version=%s revision=%s device=\"%s\"", url, admin_url, build_version,
-		build_revision, device.name);
+	log_event(LEVEL_INFO, "serving", "url=%s admin=%s version=%s revision=%s device=\"%s\"", url, admin_url,
+		build_version, build_revision, device.name);
 	return true;
 }
 
@@ -145,6 +146,10 @@ int serve_command(int argc, char **argv)
 		return 0;
 	}
 	log_set_level(server.options.log_level);
+	/* Encoded images come and go on several threads: large blocks go back to the system at once,
+	 * and few arenas keep the rest from spreading, so that resident memory stays flat for weeks. */
+	mallopt(M_ARENA_MAX, 2);
+	mallopt(M_MMAP_THRESHOLD, 256 * 1024);
 	server.http_fd = listen_on(server.options.listen, &wrong, &err);
 	if (server.http_fd < 0)
 		return complain(wrong ? 2 : 1, err.text);

@@ -76,7 +76,8 @@ static void settle(struct settled *settled, struct ticket *ticket, enum outcome 
 	settled->first = ticket;
 }
 
-static void settle_all(struct settled *settled, struct render *r, enum outcome outcome, const char *detail, int retry_after_s)
+static void settle_all(
+	struct settled *settled, struct render *r, enum outcome outcome, const char *detail, int retry_after_s)
 {
 	while (r->tickets) {
 		struct ticket *t = r->tickets;
@@ -138,7 +139,8 @@ static void hand_out(struct service *s, struct settled *settled)
 			r->buffer = buffer_get(&s->buffers, welkin_job_bytes(&r->job), &err);
 		if (!r->buffer) {
 			log_event(LEVEL_ERROR, "buffer_failed", "reason=\"%s\"", err.text);
-			settle_all(settled, r, OUTCOME_UNAVAILABLE, "There is no memory for this image at the moment.", 1);
+			settle_all(
+				settled, r, OUTCOME_UNAVAILABLE, "There is no memory for this image at the moment.", 1);
 			drop(r, true);
 			continue;
 		}
@@ -209,7 +211,8 @@ static void finish_render(struct render *r, const struct welkin_result *result, 
 		metrics_observe(STAGE_RENDER, clock_ms_between(r->sent_us, clock_us()) / 1e3);
 		metrics_add_pixels(samples_of(&r->job));
 		if (result->nonfinite)
-			log_event(LEVEL_ERROR, "nonfinite_pixels", "n=%lld key=%s", (long long)result->nonfinite, r->key);
+			log_event(
+				LEVEL_ERROR, "nonfinite_pixels", "n=%lld key=%s", (long long)result->nonfinite, r->key);
 		s->proved_us = clock_us();
 		if (r->tickets && make_product(r, result)) {
 			r->task.run = encode_task;
@@ -220,7 +223,8 @@ static void finish_render(struct render *r, const struct welkin_result *result, 
 	} else if (result->status == WELKIN_TIMED_OUT) {
 		settle_all(settled, r, OUTCOME_LATE, "The render passed its deadline.", 0);
 	} else if (result->status == WELKIN_FAILED) {
-		log_event(LEVEL_ERROR, "render_failed", "id=%llu reason=\"%s\"", (unsigned long long)result->id, result->message);
+		log_event(LEVEL_ERROR, "render_failed", "id=%llu reason=\"%s\"", (unsigned long long)result->id,
+			result->message);
 		settle_all(settled, r, OUTCOME_FAILED, result->message, 0);
 	} else {
 		settle_all(settled, r, OUTCOME_UNAVAILABLE, "The render was cancelled.", 1);
@@ -282,7 +286,8 @@ static void on_lost(void *cls, const char *reason, bool was_ready)
 	s->failures += !was_ready;
 	while (s->queue.running.next != &s->queue.running) {
 		struct render *r = RENDER_OF(s->queue.running.next, item);
-		settle_all(&settled, r, OUTCOME_UNAVAILABLE, "The renderer failed while it worked on this; it is being restarted.", 1);
+		settle_all(&settled, r, OUTCOME_UNAVAILABLE,
+			"The renderer failed while it worked on this; it is being restarted.", 1);
 		drop(r, false);
 	}
 	const bool give_up = s->failures >= GIVE_UP_AFTER;
@@ -345,7 +350,8 @@ static bool probe_request(struct welkin_request *request)
 	welkin_parse_query(&draft, query, sizeof query - 1, &faults);
 	welkin_resolve(&draft, WELKIN_PNG, &limits, request, &faults);
 	if (faults.n)
-		log_event(LEVEL_ERROR, "probe_invalid", "field=%s detail=\"%s\"", faults.list[0].field, faults.list[0].detail);
+		log_event(LEVEL_ERROR, "probe_invalid", "field=%s detail=\"%s\"", faults.list[0].field,
+			faults.list[0].detail);
 	return !faults.n;
 }
 
@@ -359,7 +365,7 @@ static void on_tick(void *cls)
 	const int64_t period_us = (int64_t)(s->options->probe_s * 1e6);
 	/* While no client asks for anything, proof has to be sought; the first probe is always ours. */
 	const bool probe = s->renderer_up && !s->probing && !s->refusing &&
-	                   (!s->probed_us || (now - s->proved_us > period_us && now - s->probed_us > period_us));
+			   (!s->probed_us || (now - s->proved_us > period_us && now - s->probed_us > period_us));
 	if (probe) {
 		s->probing = true;
 		s->probed_us = now;
@@ -466,7 +472,8 @@ void service_submit(struct service *s, struct ticket *ticket, const struct welki
 			enqueue(s, ticket, r, &settled);
 		} else {
 			ticket->retry_after_s = 1;
-			settle(&settled, ticket, OUTCOME_UNAVAILABLE, "There is no memory for this request at the moment.");
+			settle(&settled, ticket, OUTCOME_UNAVAILABLE,
+				"There is no memory for this request at the moment.");
 		}
 	}
 	pthread_mutex_unlock(&s->lock);

@@ -13,12 +13,12 @@
 struct service;
 
 enum outcome {
-	OUTCOME_DONE,       /* product is set, one reference for the ticket's owner */
-	OUTCOME_BUSY,       /* 429: the queue is full */
-	OUTCOME_UNAVAILABLE,/* 503: renderer lost or not there, or the server stops */
-	OUTCOME_LATE,       /* 504 */
-	OUTCOME_FAILED,     /* 500 */
-	OUTCOME_GONE,       /* given up with service_abandon */
+	OUTCOME_DONE,        /* product is set, one reference for the ticket's owner */
+	OUTCOME_BUSY,        /* 429: the queue is full */
+	OUTCOME_UNAVAILABLE, /* 503: renderer lost or not there, or the server stops */
+	OUTCOME_LATE,        /* 504 */
+	OUTCOME_FAILED,      /* 500 */
+	OUTCOME_GONE,        /* given up with service_abandon */
 };
 
 struct render; /* one render in progress */
@@ -31,7 +31,7 @@ struct ticket {
 	struct product *product;
 	int retry_after_s; /* busy, unavailable */
 	char detail[256];
-	bool joined;       /* somebody else's render was under way */
+	bool joined; /* somebody else's render was under way */
 
 	struct ticket *next; /* the service's own */
 	struct render *render;
@@ -51,8 +51,8 @@ struct welkin_device service_device(struct service *service);
 struct product *service_lookup(struct service *service, const char *key);
 
 /* key NULL: neither cached nor joined (radiance, embedded timings). photometer: radiance only. */
-void service_submit(struct service *service, struct ticket *ticket, const struct welkin_request *request, const char *key,
-	const struct welkin_photometer *photometer);
+void service_submit(struct service *service, struct ticket *ticket, const struct welkin_request *request,
+	const char *key, const struct welkin_photometer *photometer);
 
 /* The client has gone: true when the ticket was still waiting; done is then never called and the
  * work is cancelled unless somebody else waits for it. */

@@ -47,8 +47,8 @@ static bool spawn_renderer(struct supervisor *s, int peer_fd, pid_t *pid, struct
 	snprintf(slice, sizeof slice, "%.9g", s->config.slice_ms);
 	snprintf(tables, sizeof tables, "%.9g", s->config.table_mib);
 	const char *program = *s->config.program ? s->config.program : "/proc/self/exe";
-	const char *const argv[] = { "welkin-renderer", "renderer", "--fd", fd, "--device", s->config.device, "--shader-dir",
-		s->config.shader_dir, "--slice-ms", slice, "--table-mib", tables, NULL };
+	const char *const argv[] = { "welkin-renderer", "renderer", "--fd", fd, "--device", s->config.device,
+		"--shader-dir", s->config.shader_dir, "--slice-ms", slice, "--table-mib", tables, NULL };
 	posix_spawn_file_actions_t actions;
 	posix_spawnattr_t attributes;
 	sigset_t none, defaults;
@@ -139,8 +139,8 @@ static void lose_renderer(struct supervisor *s, const char *reason, int grace_ms
 		kill(s->pid, SIGKILL);
 		reap(s, -1, how, sizeof how);
 	}
-	log_event(s->stopping ? LEVEL_INFO : LEVEL_ERROR, "renderer_ended", "pid=%d how=\"%s\" reason=\"%s\"", (int)s->pid, how,
-		reason ? reason : "it ended by itself");
+	log_event(s->stopping ? LEVEL_INFO : LEVEL_ERROR, "renderer_ended", "pid=%d how=\"%s\" reason=\"%s\"",
+		(int)s->pid, how, reason ? reason : "it ended by itself");
 	if (s->pid_fd >= 0)
 		close(s->pid_fd);
 	s->pid_fd = -1;
@@ -157,8 +157,8 @@ static void take_message(struct supervisor *s, const struct welkin_message *mess
 		pthread_mutex_lock(&s->lock);
 		s->ready = true;
 		pthread_mutex_unlock(&s->lock);
-		log_event(LEVEL_INFO, "renderer_ready", "pid=%d device=\"%s\" startup_ms=%.1f warmup_ms=%.1f", (int)s->pid,
-			message->device.name, message->device.startup_ms, message->device.warmup_ms);
+		log_event(LEVEL_INFO, "renderer_ready", "pid=%d device=\"%s\" startup_ms=%.1f warmup_ms=%.1f",
+			(int)s->pid, message->device.name, message->device.startup_ms, message->device.warmup_ms);
 		s->config.ready(s->config.cls, &message->device);
 		break;
 	case WELKIN_MSG_RESULT:
@@ -208,7 +208,8 @@ static void watch(struct supervisor *s)
 		lose_renderer(s, reason, 0);
 		return;
 	}
-	if (s->ready && (double)(now - s->heard_us) / 1e6 > limit_s / 4 && (double)(now - s->pinged_us) / 1e6 > limit_s / 4) {
+	if (s->ready && (double)(now - s->heard_us) / 1e6 > limit_s / 4 &&
+		(double)(now - s->pinged_us) / 1e6 > limit_s / 4) {
 		struct welkin_message ping = { .type = WELKIN_MSG_PING, .id = ++s->pings };
 		s->pinged_us = now;
 		welkin_send(s->fd, &ping, -1, NULL); /* a closed socket shows up in the next poll */

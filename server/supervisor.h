@@ -24,7 +24,7 @@ struct supervisor_config {
 	void (*ready)(void *cls, const struct welkin_device *device);
 	void (*result)(void *cls, const struct welkin_result *result);
 	void (*lost)(void *cls, const char *reason, bool was_ready); /* whatever it was sent will have no result */
-	void (*tick)(void *cls); /* at least every 100 ms */
+	void (*tick)(void *cls);                                     /* at least every 100 ms */
 	void *cls;
 };
 

@@ -24,10 +24,10 @@ static void token(const char *name, char out[40])
 {
 	size_t i = 0;
 	for (; name[i] && i < 32; i++)
-		out[i] = (name[i] >= 'a' && name[i] <= 'z') || (name[i] >= 'A' && name[i] <= 'Z') || (name[i] >= '0' && name[i] <= '9') ||
-		                 name[i] == '_' || name[i] == '.'
-		             ? name[i]
-		             : '-';
+		out[i] = (name[i] >= 'a' && name[i] <= 'z') || (name[i] >= 'A' && name[i] <= 'Z') ||
+					 (name[i] >= '0' && name[i] <= '9') || name[i] == '_' || name[i] == '.'
+				 ? name[i]
+				 : '-';
 	out[i] = 0;
 }
 

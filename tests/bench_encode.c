@@ -75,8 +75,8 @@ static size_t with_libpng(const struct subject *s, int level, int filters)
 	png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
 	png_infop chunks = png_create_info_struct(png);
 	png_set_write_fn(png, &bytes, count_bytes, no_flush);
-	png_set_IHDR(png, chunks, WIDTH, HEIGHT, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
-		PNG_FILTER_TYPE_DEFAULT);
+	png_set_IHDR(png, chunks, WIDTH, HEIGHT, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+		PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
 	png_set_compression_level(png, level);
 	png_set_filter(png, 0, filters);
 	png_write_info(png, chunks);
@@ -138,7 +138,8 @@ static void bench_png(void)
 		s.info = lib_picture_info(&s.request);
 		char name[64];
 		for (s.info.threads = 1; s.info.threads <= 2; s.info.threads++) {
-			snprintf(name, sizeof name, "png 8 bit %s, %d thread%s", kinds[kind], s.info.threads, s.info.threads > 1 ? "s" : "");
+			snprintf(name, sizeof name, "png 8 bit %s, %d thread%s", kinds[kind], s.info.threads,
+				s.info.threads > 1 ? "s" : "");
 			report(name, ours, &s);
 		}
 		snprintf(name, sizeof name, "  libpng level 1 SUB, %s", kinds[kind]);
@@ -172,7 +173,8 @@ static void bench_exr(void)
 			s.info = lib_picture_info(&s.request);
 			s.info.threads = 2;
 			char name[64];
-			snprintf(name, sizeof name, "exr %s %s, 2 threads", type ? "float" : "half", compressions[compression]);
+			snprintf(name, sizeof name, "exr %s %s, 2 threads", type ? "float" : "half",
+				compressions[compression]);
 			report(name, ours, &s);
 			free(s.pixels);
 		}

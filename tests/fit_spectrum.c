@@ -228,7 +228,7 @@ static void prepare_gram(void)
 /* Least squares of one channel by Cholesky; returns the squared error left over. */
 static double solve_channel(int c, const int band[N_BANDS])
 {
-	double l[N_BANDS][N_BANDS], y[N_BANDS], left = total[c];
+	double l[N_BANDS][N_BANDS] = { 0 }, y[N_BANDS] = { 0 }, left = total[c];
 
 	for (int i = 0; i < N_BANDS; i++) {
 		double sum = right[c][band[i]];

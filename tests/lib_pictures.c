@@ -16,20 +16,34 @@ uint32_t lib_random(uint32_t *state)
 void lib_picture_request(struct welkin_request *request, int format, int width, int height)
 {
 	memset(request, 0, sizeof *request);
-	request->image = (struct welkin_image){ .width = width, .height = height, .format = format, .png_bits = 8,
-		.exr_type = WELKIN_HALF, .exr_compression = WELKIN_EXR_ZIP };
-	request->camera = (struct welkin_camera){ .position_m = { 1, 1.7, -2 }, .altitude_m = 1.7, .heading_deg = 72.5,
-		.pitch_deg = 5, .roll_deg = -1, .fov_deg = 60 };
-	request->sun = (struct welkin_sun){ .elevation_deg = 42.25, .azimuth_deg = 95.5, .intensity = 1,
-		.angular_radius_deg = 0.2666, .disk = 1 };
+	request->image = (struct welkin_image){ .width = width,
+		.height = height,
+		.format = format,
+		.png_bits = 8,
+		.exr_type = WELKIN_HALF,
+		.exr_compression = WELKIN_EXR_ZIP };
+	request->camera = (struct welkin_camera){ .position_m = { 1, 1.7, -2 },
+		.altitude_m = 1.7,
+		.heading_deg = 72.5,
+		.pitch_deg = 5,
+		.roll_deg = -1,
+		.fov_deg = 60 };
+	request->sun = (struct welkin_sun){
+		.elevation_deg = 42.25, .azimuth_deg = 95.5, .intensity = 1, .angular_radius_deg = 0.2666, .disk = 1
+	};
 	request->latitude_deg = 35.3606;
 	request->longitude_deg = 138.7274;
 }
 
 struct welkin_file_info lib_picture_info(const struct welkin_request *request)
 {
-	return (struct welkin_file_info){ .request = request, .request_json = "{\"image\":{\"width\":1}}", .method = "march",
-		.device = "llvmpipe (τ)", .build = "0.1.0 test", .exposure_scale = 1.0 / 8192, .threads = 1 };
+	return (struct welkin_file_info){ .request = request,
+		.request_json = "{\"image\":{\"width\":1}}",
+		.method = "march",
+		.device = "llvmpipe (τ)",
+		.build = "0.1.0 test",
+		.exposure_scale = 1.0 / 8192,
+		.threads = 1 };
 }
 
 uint16_t lib_half(float value)
@@ -56,7 +70,8 @@ static float sky(int width, int height, int x, int y, int channel)
 	return fminf(1, zenith[channel] + t * (horizon[channel] - zenith[channel]) + glow);
 }
 
-static float value_at(const struct welkin_image *image, enum lib_picture kind, int x, int y, int channel, uint32_t *state)
+static float value_at(
+	const struct welkin_image *image, enum lib_picture kind, int x, int y, int channel, uint32_t *state)
 {
 	if (kind == LIB_SKY)
 		return sky(image->width, image->height, x, y, channel);
@@ -75,7 +90,9 @@ static void store(const struct welkin_image *image, void *pixels, size_t i, floa
 		((float *)pixels)[i] = value;
 	} else {
 		const float most = image->png_bits == 16 ? 65535 : 255;
-		const float noise = dither ? (float)((int)(lib_random(state) & 0xffff) - (int)(lib_random(state) & 0xffff)) / 65536 : 0;
+		const float noise =
+			dither ? (float)((int)(lib_random(state) & 0xffff) - (int)(lib_random(state) & 0xffff)) / 65536
+			       : 0;
 		const float level = fminf(most, fmaxf(0, floorf(value * most + noise + 0.5f)));
 		if (image->png_bits == 16)
 			((uint16_t *)pixels)[i] = (uint16_t)level;
@@ -96,8 +113,8 @@ void *lib_picture(const struct welkin_request *request, enum lib_picture kind, u
 		for (int x = 0; x < image->width; x++) {
 			const size_t i = (size_t)y * (size_t)image->width + (size_t)x;
 			for (int c = 0; c < 3; c++)
-				store(image, data + layout.main, i * 4 + (size_t)c, value_at(image, kind, x, y, c, &state),
-					&state, kind == LIB_SKY);
+				store(image, data + layout.main, i * 4 + (size_t)c,
+					value_at(image, kind, x, y, c, &state), &state, kind == LIB_SKY);
 			store(image, data + layout.main, i * 4 + 3, kind == LIB_BLACK ? 0 : 1, &state, false);
 		}
 	}

@@ -15,9 +15,9 @@ void lib_picture_request(struct welkin_request *request, int format, int width, 
 struct welkin_file_info lib_picture_info(const struct welkin_request *request);
 
 enum lib_picture {
-	LIB_SKY,   /* a tone-mapped gradient with a glow and triangular dither, as the renderer leaves it */
-	LIB_BLACK, /* space */
-	LIB_NOISE, /* incompressible */
+	LIB_SKY,     /* a tone-mapped gradient with a glow and triangular dither, as the renderer leaves it */
+	LIB_BLACK,   /* space */
+	LIB_NOISE,   /* incompressible */
 	LIB_PATCHES, /* flat rectangles: long runs of every length */
 };
 

@@ -62,7 +62,8 @@ static void random_value(uint64_t *state, const struct welkin_field *field, stru
 			numbers[i] = random_in(state, field->min, field->max);
 		break;
 	case WELKIN_TYPE_INT:
-		*(int32_t *)to = field->names ? (random_below(state, 2) ? 16 : 8) : (int32_t)random_in(state, field->min, field->max);
+		*(int32_t *)to = field->names ? (random_below(state, 2) ? 16 : 8)
+					      : (int32_t)random_in(state, field->min, field->max);
 		break;
 	case WELKIN_TYPE_BOOL:
 		*(int32_t *)to = random_below(state, 2);
@@ -74,7 +75,8 @@ static void random_value(uint64_t *state, const struct welkin_field *field, stru
 		*(uint32_t *)to = (uint32_t)random_below(state, 1 << count_names(field));
 		break;
 	case WELKIN_TYPE_TIME: /* 0000-01-01 to 9999-12-31 */
-		*(int64_t *)to = (int64_t)(-62167219200000.0 + random_unit(state) * (253402300800000.0 + 62167219200000.0));
+		*(int64_t *)to =
+			(int64_t)(-62167219200000.0 + random_unit(state) * (253402300800000.0 + 62167219200000.0));
 		break;
 	case WELKIN_TYPE_SEED:
 		*(uint32_t *)to = (uint32_t)random_bits(state);
@@ -113,7 +115,8 @@ static void mend_position(uint64_t *state, struct welkin_draft *draft)
 		return;
 	*given(draft, "camera.altitude_m") = 0;
 	const double altitude = random_in(state, 1e-2, 0.99e8), across = 2 * M_PI * random_unit(state);
-	const double radius = *given(draft, "atmosphere.planet_radius_m") ? draft->request.atmosphere.planet_radius_m : 6360e3;
+	const double radius =
+		*given(draft, "atmosphere.planet_radius_m") ? draft->request.atmosphere.planet_radius_m : 6360e3;
 	const double away = M_PI * pow(random_unit(state), 4), r = radius + altitude;
 	camera->position_m[0] = r * sin(away) * cos(across);
 	camera->position_m[1] = altitude - 2 * r * sin(away / 2) * sin(away / 2);

@@ -1,4 +1,5 @@
 /* The goals of accuracy in small: `make accuracy` measures all of it with more directions. */
+#include "api/api.h"
 #include "tests/lib_accuracy.h"
 #include "tests/lib_quadrature.h"
 #include "tests/lib_random.h"
@@ -83,6 +84,12 @@ static void test_error_falls(void **state)
 	}
 }
 
+static void check_same(double got, double wanted)
+{
+	if (!(fabs(got - wanted) <= 1e-5 * fabs(wanted)))
+		fail_msg("got %.12g, wanted %.12g", got, wanted);
+}
+
 /* From space past the atmosphere: nothing, and nothing in the way. */
 static void test_past_the_atmosphere(void **state)
 {
@@ -101,6 +108,47 @@ static void test_past_the_atmosphere(void **state)
 		assert_true(reply[at.transmittance + i] == 1);
 	}
 	free(reply);
+}
+
+/* The presets that clients get are the published numbers that the cells here were made with. */
+static void test_presets_are_the_measured_ones(void **state)
+{
+	static const char *const names[] = { "earth", "madrid2015", "rayleigh" };
+
+	(void)state;
+	for (int preset = 0; preset < 3; preset++) {
+		struct welkin_request mine = request_of(preset, 0, 90), theirs;
+		const struct welkin_atmosphere *a = &mine.atmosphere, *b = &theirs.atmosphere;
+		struct welkin_draft draft = { 0 };
+		struct welkin_faults faults = { 0 };
+		struct welkin_limits limits = { .max_pixels = 1e8 };
+
+		welkin_parse_argument(&draft, "atmosphere.preset", names[preset], &faults);
+		welkin_resolve(&draft, WELKIN_EXR, &limits, &theirs, &faults);
+		assert_int_equal(faults.n, 0);
+		for (int c = 0; c < 3; c++) {
+			check_same(b->rayleigh_scattering_per_m[c], a->rayleigh_scattering_per_m[c]);
+			check_same(b->aerosol_scattering_per_m[c], a->aerosol_scattering_per_m[c]);
+			check_same(b->aerosol_absorption_per_m[c], a->aerosol_absorption_per_m[c]);
+			check_same(theirs.ground_albedo[c], mine.ground_albedo[c]);
+		}
+		check_same(b->rayleigh_scale_height_m, a->rayleigh_scale_height_m);
+		check_same(b->planet_radius_m, a->planet_radius_m);
+		check_same(b->top_m, a->top_m);
+		check_same(b->ozone_column_du, a->ozone_column_du);
+		check_same(b->density_factor, a->density_factor);
+		if (a->aerosol_scattering_per_m[0] > 0) {
+			check_same(b->aerosol_g, a->aerosol_g);
+			check_same(b->aerosol_scale_height_m, a->aerosol_scale_height_m);
+			assert_int_equal(b->aerosol_phase, a->aerosol_phase);
+		}
+		if (a->ozone_column_du > 0) {
+			check_same(b->ozone_center_m, a->ozone_center_m);
+			check_same(b->ozone_half_width_m, a->ozone_half_width_m);
+		}
+		assert_int_equal(theirs.sun.spectrum, mine.sun.spectrum);
+		check_same(theirs.sun.intensity, 1);
+	}
 }
 
 /* ---- other planets, other air ---- */
@@ -227,6 +275,7 @@ int main(void)
 		cmocka_unit_test(test_march_at_512_by_512),
 		cmocka_unit_test(test_error_falls),
 		cmocka_unit_test(test_past_the_atmosphere),
+		cmocka_unit_test(test_presets_are_the_measured_ones),
 		cmocka_unit_test(test_random_worlds),
 	};
 

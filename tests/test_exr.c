@@ -10,6 +10,7 @@
 
 #include <setjmp.h>
 #include <stdarg.h>
+
 #include <cmocka.h>
 
 static struct welkin_bytes encode_with(const struct welkin_file_info *info, const void *pixels)
@@ -100,8 +101,8 @@ static unsigned char *read_channel(exr_context_t exr, const char *name, int widt
 	return samples;
 }
 
-static void assert_channel(exr_context_t exr, const struct welkin_image *image, const char *name, const unsigned char *data,
-	int sample, int samples)
+static void assert_channel(exr_context_t exr, const struct welkin_image *image, const char *name,
+	const unsigned char *data, int sample, int samples)
 {
 	int found;
 	const size_t n = (size_t)image->width * (size_t)image->height, size = (size_t)sample;
@@ -109,8 +110,8 @@ static void assert_channel(exr_context_t exr, const struct welkin_image *image, 
 	assert_int_equal(found, sample);
 	for (size_t i = 0; i < n; i++) {
 		if (memcmp(back + i * size, data + i * size * (size_t)samples, size))
-			fail_msg("%d x %d, type %d, compression %d, %s: sample %zu differs", image->width, image->height, image->exr_type,
-				image->exr_compression, name, i);
+			fail_msg("%d x %d, type %d, compression %d, %s: sample %zu differs", image->width,
+				image->height, image->exr_type, image->exr_compression, name, i);
 	}
 	free(back);
 }
@@ -131,7 +132,8 @@ static void round_trip(int width, int height, int type, int compression, uint32_
 	assert_int_equal(exr_get_compression(exr, 0, &used), EXR_ERR_SUCCESS);
 	assert_int_equal(used, compression);
 	for (int i = 0; i < 4; i++)
-		assert_channel(exr, &request.image, (const char *const[]){ "R", "G", "B", "A" }[i], pixels + i * sample, sample, 4);
+		assert_channel(exr, &request.image, (const char *const[]){ "R", "G", "B", "A" }[i], pixels + i * sample,
+			sample, 4);
 	for (int i = 0; i < 3; i++) {
 		static const char *const in[] = { "inscatter.R", "inscatter.G", "inscatter.B" };
 		static const char *const through[] = { "transmittance.R", "transmittance.G", "transmittance.B" };
@@ -145,7 +147,8 @@ static void round_trip(int width, int height, int type, int compression, uint32_
 	const exr_attr_chlist_t *channels;
 	assert_int_equal(exr_get_channels(exr, 0, &channels), EXR_ERR_SUCCESS);
 	assert_int_equal(channels->num_channels, 4 + (layers & WELKIN_LAYER_INSCATTER ? 3 : 0) +
-		(layers & WELKIN_LAYER_TRANSMITTANCE ? 3 : 0) + (layers & WELKIN_LAYER_DEPTH ? 1 : 0));
+							 (layers & WELKIN_LAYER_TRANSMITTANCE ? 3 : 0) +
+							 (layers & WELKIN_LAYER_DEPTH ? 1 : 0));
 	exr_finish(&exr);
 	free(bytes.data);
 	free(pixels);
@@ -160,8 +163,9 @@ static void test_sizes(void **state)
 			for (int kind = LIB_SKY; kind <= LIB_PATCHES; kind++) {
 				round_trip(1, 1, type, compression, 0, (enum lib_picture)kind);
 				for (int i = 0; i < 5; i++)
-					round_trip(1 + (int)(lib_random(&random) % 97), 1 + (int)(lib_random(&random) % 97), type,
-						compression, lib_random(&random) % 8, (enum lib_picture)kind);
+					round_trip(1 + (int)(lib_random(&random) % 97),
+						1 + (int)(lib_random(&random) % 97), type, compression,
+						lib_random(&random) % 8, (enum lib_picture)kind);
 			}
 			round_trip(1, 16384, type, compression, 7, LIB_SKY);
 			round_trip(16384, 1, type, compression, 7, LIB_SKY);
@@ -319,7 +323,8 @@ static void test_exrmaketiled(void **state)
 		close(fd);
 		/* It has to make the same of our file as of any other: a tiled copy, then the tiles' channels. */
 		snprintf(command, sizeof command,
-			"exrmaketiled -o %s %s.tiled && exrheader %s.tiled | grep -q 'transmittance.B, 32-bit'", path, path, path);
+			"exrmaketiled -o %s %s.tiled && exrheader %s.tiled | grep -q 'transmittance.B, 32-bit'", path,
+			path, path);
 		const int status = system(command);
 		snprintf(command, sizeof command, "%s.tiled", path);
 		unlink(command);

@@ -59,8 +59,9 @@ static void test_each_field_is_described(void **state)
 		assert_int_equal(welkin_field_find(f->name), i); /* so names are unique */
 		assert_true(strlen(f->name) < sizeof((struct welkin_fault *)0)->field);
 		assert_int_equal(f->help[strlen(f->help) - 1], '.');
-		const int has_range = f->type == WELKIN_TYPE_DOUBLE || f->type == WELKIN_TYPE_INT || f->type == WELKIN_TYPE_VEC3 ||
-		                      f->type == WELKIN_TYPE_TRIPLE || f->type == WELKIN_TYPE_SEED;
+		const int has_range = f->type == WELKIN_TYPE_DOUBLE || f->type == WELKIN_TYPE_INT ||
+				      f->type == WELKIN_TYPE_VEC3 || f->type == WELKIN_TYPE_TRIPLE ||
+				      f->type == WELKIN_TYPE_SEED;
 		if (has_range && !(f->min < f->max && isfinite(f->min) && isfinite(f->max)))
 			fail_msg("%s has no range", f->name);
 		if ((f->type == WELKIN_TYPE_ENUM || f->type == WELKIN_TYPE_FLAGS) && !(f->names && f->names[0]))
@@ -97,10 +98,11 @@ static void test_designed_names_are_there(void **state)
 	(void)state;
 	static const char *const names[] = { "image.width", "image.height", "image.projection", "image.layers",
 		"camera.position_m", "camera.altitude_m", "camera.heading_deg", "camera.pitch_deg", "camera.roll_deg",
-		"camera.fov_deg", "sun.elevation_deg", "sun.azimuth_deg", "sun.disk", "sun.intensity", "time", "place.latitude_deg",
-		"place.longitude_deg", "atmosphere.preset", "atmosphere.method", "atmosphere.steps", "atmosphere.light_steps",
-		"atmosphere.spectrum", "atmosphere.max_order", "atmosphere.turbidity", "ground.albedo", "exposure.mode",
-		"exposure.ev", "tone.map", "accuracy.max_error", "accuracy.budget_ms", "seed" };
+		"camera.fov_deg", "sun.elevation_deg", "sun.azimuth_deg", "sun.disk", "sun.intensity", "time",
+		"place.latitude_deg", "place.longitude_deg", "atmosphere.preset", "atmosphere.method",
+		"atmosphere.steps", "atmosphere.light_steps", "atmosphere.spectrum", "atmosphere.max_order",
+		"atmosphere.turbidity", "ground.albedo", "exposure.mode", "exposure.ev", "tone.map",
+		"accuracy.max_error", "accuracy.budget_ms", "seed" };
 	for (size_t i = 0; i < sizeof names / sizeof names[0]; i++)
 		if (welkin_field_find(names[i]) < 0)
 			fail_msg("%s is missing", names[i]);
@@ -133,13 +135,14 @@ static void test_ends_of_ranges(void **state)
 	(void)state;
 	for (int i = 0; i < welkin_field_count; i++) {
 		const struct welkin_field *f = &welkin_fields[i];
-		if (f->names || (f->type != WELKIN_TYPE_DOUBLE && f->type != WELKIN_TYPE_INT && f->type != WELKIN_TYPE_TRIPLE &&
-				f->type != WELKIN_TYPE_SEED))
+		if (f->names || (f->type != WELKIN_TYPE_DOUBLE && f->type != WELKIN_TYPE_INT &&
+					f->type != WELKIN_TYPE_TRIPLE && f->type != WELKIN_TYPE_SEED))
 			continue;
 		const int whole = f->type == WELKIN_TYPE_INT || f->type == WELKIN_TYPE_SEED;
 		const double ends[] = { f->min, f->max };
 		for (int e = 0; e < 2; e++) {
-			const double beyond = whole ? ends[e] + (e ? 1 : -1) : nextafter(ends[e], e ? INFINITY : -INFINITY);
+			const double beyond =
+				whole ? ends[e] + (e ? 1 : -1) : nextafter(ends[e], e ? INFINITY : -INFINITY);
 			struct welkin_draft draft = { 0 };
 			struct welkin_faults faults = { 0 };
 			char text[64];

@@ -19,18 +19,20 @@
 static void test_values_of_every_type(void **state)
 {
 	(void)state;
-	const struct answer a = ask_json("{\"sun\":{\"elevation_deg\":-3.5,\"disk\":false},\"image\":{\"width\":64e1,\"height\":480.0,"
-	                                 "\"layers\":[\"depth\",\"inscatter\"],\"dither\":1},\"camera\":{\"position_m\":[1,2,-3]},"
-	                                 "\"ground\":{\"albedo\":0.25},\"atmosphere\":{\"rayleigh\":{\"scattering_per_m\":[1e-6,2E-6,0.000003]},"
-	                                 "\"spectrum\":4,\"aerosol\":{\"phase\":\"schlick\"}},\"seed\":4294967295,"
-	                                 "\"time\":\"2026-06-21T09:00:00+09:00\"}\r\n\t ",
+	const struct answer a = ask_json(
+		"{\"sun\":{\"elevation_deg\":-3.5,\"disk\":false},\"image\":{\"width\":64e1,\"height\":480.0,"
+		"\"layers\":[\"depth\",\"inscatter\"],\"dither\":1},\"camera\":{\"position_m\":[1,2,-3]},"
+		"\"ground\":{\"albedo\":0.25},\"atmosphere\":{\"rayleigh\":{\"scattering_per_m\":[1e-6,2E-6,0.000003]},"
+		"\"spectrum\":4,\"aerosol\":{\"phase\":\"schlick\"}},\"seed\":4294967295,"
+		"\"time\":\"2026-06-21T09:00:00+09:00\"}\r\n\t ",
 		WELKIN_EXR);
 	assert_int_equal(a.faults.n, 0);
-	const struct answer q = ask_query("sun.elevation_deg=-3.5&image.width=640&image.height=480&sun.disk=0"
-	                                  "&image.layers=depth,inscatter&camera.position_m=1,2,-3&ground.albedo=0.25"
-	                                  "&atmosphere.rayleigh.scattering_per_m=1e-6,2e-6,3e-6&atmosphere.aerosol.phase=schlick"
-	                                  "&seed=4294967295&time=2026-06-21T00:00:00Z",
-		WELKIN_EXR);
+	const struct answer q =
+		ask_query("sun.elevation_deg=-3.5&image.width=640&image.height=480&sun.disk=0"
+			  "&image.layers=depth,inscatter&camera.position_m=1,2,-3&ground.albedo=0.25"
+			  "&atmosphere.rayleigh.scattering_per_m=1e-6,2e-6,3e-6&atmosphere.aerosol.phase=schlick"
+			  "&seed=4294967295&time=2026-06-21T00:00:00Z",
+			WELKIN_EXR);
 	assert_int_equal(q.faults.n, 0);
 	assert_memory_equal(&a.request, &q.request, sizeof a.request);
 	assert_int_equal(a.request.image.width, 640);
@@ -101,8 +103,10 @@ static void test_text_that_is_not_json(void **state)
 	};
 	for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
 		const struct answer a = ask_json(bad[i].json, WELKIN_PNG);
-		if (a.faults.n != 1 || a.faults.status != 400 || a.faults.list[0].field[0] || !strstr(a.faults.list[0].detail, bad[i].detail))
-			fail_msg("%s: %d faults, status %d: %s", bad[i].json, a.faults.n, a.faults.status, a.faults.list[0].detail);
+		if (a.faults.n != 1 || a.faults.status != 400 || a.faults.list[0].field[0] ||
+			!strstr(a.faults.list[0].detail, bad[i].detail))
+			fail_msg("%s: %d faults, status %d: %s", bad[i].json, a.faults.n, a.faults.status,
+				a.faults.list[0].detail);
 	}
 	const struct answer where = ask_json("{\n\t\"seed\": 1,\n\t\"time\": tomorrow\n}", WELKIN_PNG);
 	assert_non_null(strstr(where.faults.list[0].detail, "line 3, column 10"));
@@ -207,18 +211,20 @@ static void test_each_fault_is_named(void **state)
 	(void)state;
 	for (size_t i = 0; i < sizeof faulty / sizeof faulty[0]; i++) {
 		const struct answer a = ask_json(faulty[i].json, WELKIN_PNG);
-		if (a.faults.n != 1 || a.faults.status != faulty[i].status || strcmp(a.faults.list[0].field, faulty[i].field) != 0)
-			fail_msg("%s: %d faults, status %d, %s: %s", faulty[i].json, a.faults.n, a.faults.status, a.faults.list[0].field,
-				a.faults.list[0].detail);
+		if (a.faults.n != 1 || a.faults.status != faulty[i].status ||
+			strcmp(a.faults.list[0].field, faulty[i].field) != 0)
+			fail_msg("%s: %d faults, status %d, %s: %s", faulty[i].json, a.faults.n, a.faults.status,
+				a.faults.list[0].field, a.faults.list[0].detail);
 	}
 }
 
 static void test_all_faults_at_once(void **state)
 {
 	(void)state;
-	const struct answer a = ask_json("{\"image\":{\"width\":-1,\"width\":5,\"depth\":3},\"sun\":{\"elevation_deg\":\"high\"},"
-	                                 "\"atmosphere\":{\"aerosol\":{\"g\":1},\"steps\":0},\"colour\":{\"red\":[1,2,{}]}}",
-		WELKIN_PNG);
+	const struct answer a =
+		ask_json("{\"image\":{\"width\":-1,\"width\":5,\"depth\":3},\"sun\":{\"elevation_deg\":\"high\"},"
+			 "\"atmosphere\":{\"aerosol\":{\"g\":1},\"steps\":0},\"colour\":{\"red\":[1,2,{}]}}",
+			WELKIN_PNG);
 	static const char *const fields[] = { "image.width", "image.depth", "sun.elevation_deg", "atmosphere.aerosol.g",
 		"atmosphere.steps", "colour" };
 	assert_int_equal(a.faults.n, 7);
@@ -262,16 +268,17 @@ static void test_photometer(void **state)
 {
 	(void)state;
 	struct welkin_photometer p;
-	const struct welkin_faults faults = measure("{\"directions\":[{\"elevation_deg\":0,\"azimuth_deg\":90},"
-	                                            "{\"zenith_deg\":90,\"azimuth_deg\":0},{\"zenith_deg\":0,\"azimuth_deg\":12},"
-	                                            "{\"vector\":[0,0,1e300]},{\"vector\":[3e-300,-4e-300,0]},"
-	                                            "{\"azimuth_deg\":-135,\"elevation_deg\":45}],"
-	                                            "\"wavelengths_nm\":[830,360,550.5],\"sun\":{\"elevation_deg\":10}}",
-		&p);
+	const struct welkin_faults faults =
+		measure("{\"directions\":[{\"elevation_deg\":0,\"azimuth_deg\":90},"
+			"{\"zenith_deg\":90,\"azimuth_deg\":0},{\"zenith_deg\":0,\"azimuth_deg\":12},"
+			"{\"vector\":[0,0,1e300]},{\"vector\":[3e-300,-4e-300,0]},"
+			"{\"azimuth_deg\":-135,\"elevation_deg\":45}],"
+			"\"wavelengths_nm\":[830,360,550.5],\"sun\":{\"elevation_deg\":10}}",
+			&p);
 	assert_int_equal(faults.n, 0);
 	assert_int_equal(p.n_directions, 6);
 	assert_int_equal(p.n_wavelengths, 3);
-	check_vector(p.directions, 1, 0, 0); /* x is east */
+	check_vector(p.directions, 1, 0, 0);      /* x is east */
 	check_vector(p.directions + 3, 0, 0, -1); /* and -z north */
 	check_vector(p.directions + 6, 0, 1, 0);
 	check_vector(p.directions + 9, 0, 0, 1);
@@ -319,11 +326,12 @@ static void test_photometer_faults(void **state)
 	for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
 		char json[300];
 		struct welkin_photometer p;
-		snprintf(json, sizeof json, "{\"directions\":%s,\"wavelengths_nm\":%s}", bad[i].directions, bad[i].wavelengths);
+		snprintf(json, sizeof json, "{\"directions\":%s,\"wavelengths_nm\":%s}", bad[i].directions,
+			bad[i].wavelengths);
 		const struct welkin_faults faults = measure(json, &p);
 		if (faults.n != 1 || faults.status != bad[i].status || strcmp(faults.list[0].field, bad[i].field) != 0)
-			fail_msg("%s: %d faults, status %d, %s: %s", json, faults.n, faults.status, faults.list[0].field,
-				faults.list[0].detail);
+			fail_msg("%s: %d faults, status %d, %s: %s", json, faults.n, faults.status,
+				faults.list[0].field, faults.list[0].detail);
 		welkin_photometer_finish(&p);
 	}
 	struct welkin_photometer p;
@@ -332,7 +340,9 @@ static void test_photometer_faults(void **state)
 	assert_non_null(fault_of(&faults, "directions"));
 	assert_non_null(fault_of(&faults, "wavelengths_nm"));
 	welkin_photometer_finish(&p);
-	faults = measure("{\"directions\":[{\"vector\":[0,1,0]}],\"wavelengths_nm\":[550],\"directions\":[{\"vector\":[0,1,0]}]}", &p);
+	faults = measure("{\"directions\":[{\"vector\":[0,1,0]}],\"wavelengths_nm\":[550],\"directions\":[{\"vector\":["
+			 "0,1,0]}]}",
+		&p);
 	assert_int_equal(faults.n, 1);
 	assert_int_equal(faults.status, 400);
 	welkin_photometer_finish(&p);
@@ -367,7 +377,8 @@ static void test_photometer_sizes(void **state)
 static void test_canonical_json(void **state)
 {
 	(void)state;
-	const struct answer a = ask_json("{\"camera\":{\"roll_deg\":-0.0,\"heading_deg\":-90},\"sun\":{\"elevation_deg\":0.1}}", WELKIN_PNG);
+	const struct answer a = ask_json(
+		"{\"camera\":{\"roll_deg\":-0.0,\"heading_deg\":-90},\"sun\":{\"elevation_deg\":0.1}}", WELKIN_PNG);
 	char *json = welkin_request_json(&a.request);
 	assert_non_null(strstr(json, "{\"image\":{\"width\":1280,\"height\":720,\"projection\":\"perspective\""));
 	assert_non_null(strstr(json, "\"layers\":[]"));
@@ -406,10 +417,11 @@ static void test_numbers_are_short_and_exact(void **state)
 	static const struct {
 		double value;
 		const char *text;
-	} numbers[] = { { 0, "0" }, { -0.0, "0" }, { 1, "1" }, { -1.5, "-1.5" }, { 0.1, "0.1" }, { 0.1 + 0.2, "0.30000000000000004" },
-		{ 1e5, "100000" }, { 123456789012345, "123456789012345" }, { 1e15, "1e15" }, { 1.5e300, "1.5e300" },
-		{ 0.00012, "0.00012" }, { 0.000012, "1.2e-5" }, { 5.8e-6, "5.8e-6" }, { 2.2250738585072014e-308, "2.2250738585072014e-308" },
-		{ 1.7976931348623157e308, "1.7976931348623157e308" }, { 9007199254740993, "9.007199254740992e15" },
+	} numbers[] = { { 0, "0" }, { -0.0, "0" }, { 1, "1" }, { -1.5, "-1.5" }, { 0.1, "0.1" },
+		{ 0.1 + 0.2, "0.30000000000000004" }, { 1e5, "100000" }, { 123456789012345, "123456789012345" },
+		{ 1e15, "1e15" }, { 1.5e300, "1.5e300" }, { 0.00012, "0.00012" }, { 0.000012, "1.2e-5" },
+		{ 5.8e-6, "5.8e-6" }, { 2.2250738585072014e-308, "2.2250738585072014e-308" },
+		{ 1.7976931348623157e308, "1.7976931348623157e308" }, { 9007199254740992, "9.007199254740992e15" },
 		{ 138.7274, "138.7274" }, { 1e-4, "0.0001" }, { 1e14, "100000000000000" }, { 10.25, "10.25" } };
 	for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
 		struct text text = { 0 };

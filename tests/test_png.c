@@ -11,6 +11,7 @@
 
 #include <setjmp.h>
 #include <stdarg.h>
+
 #include <cmocka.h>
 
 struct decoded {
@@ -111,7 +112,8 @@ static struct welkin_bytes encode(const struct welkin_request *request, const vo
 	return bytes;
 }
 
-static void assert_same_colours(const struct welkin_request *request, const unsigned char *pixels, const struct decoded *d)
+static void assert_same_colours(
+	const struct welkin_request *request, const unsigned char *pixels, const struct decoded *d)
 {
 	const size_t sample = (size_t)d->bits / 8, n = (size_t)d->width * (size_t)d->height;
 	assert_int_equal(d->width, request->image.width);
@@ -147,8 +149,8 @@ static void test_sizes(void **state)
 			for (int width = 1; width <= 24; width++)
 				round_trip(width, 1 + (int)(lib_random(&random) % 24), bits, (enum lib_picture)kind);
 			for (int i = 0; i < 8; i++)
-				round_trip(1 + (int)(lib_random(&random) % 700), 1 + (int)(lib_random(&random) % 300), bits,
-					(enum lib_picture)kind);
+				round_trip(1 + (int)(lib_random(&random) % 700), 1 + (int)(lib_random(&random) % 300),
+					bits, (enum lib_picture)kind);
 			round_trip(1, 16384, bits, (enum lib_picture)kind);
 			round_trip(16384, 1, bits, (enum lib_picture)kind);
 		}
@@ -338,7 +340,9 @@ static void test_deflate_random(void **state)
 		const uint32_t mask = (1u << lib_random(&random) % 9) - 1, rarity = lib_random(&random) % 7;
 		unsigned char *data = malloc(n + 1);
 		for (size_t i = 0; i < n; i++)
-			data[i] = (lib_random(&random) & ((1u << rarity) - 1)) ? 0 : (unsigned char)(lib_random(&random) & mask);
+			data[i] = (lib_random(&random) & ((1u << rarity) - 1))
+					  ? 0
+					  : (unsigned char)(lib_random(&random) & mask);
 		inflate_back(data, n);
 		free(data);
 	}

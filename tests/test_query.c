@@ -15,11 +15,12 @@
 static void test_values_of_every_type(void **state)
 {
 	(void)state;
-	const struct answer a = ask_query("sun.elevation_deg=-3.5&image.width=640&image.height=480&sun.disk=0&image.dither=true"
-	                                  "&image.projection=fisheye&image.layers=depth,inscatter&camera.position_m=1,2,-3"
-	                                  "&ground.albedo=0.25&atmosphere.rayleigh.scattering_per_m=1e-6,2E-6,0.000003&seed=4294967295"
-	                                  "&time=2026-06-21T09:00:00%2B09:00&image.png_bits=16&atmosphere.spectrum=rgb",
-		WELKIN_EXR);
+	const struct answer a =
+		ask_query("sun.elevation_deg=-3.5&image.width=640&image.height=480&sun.disk=0&image.dither=true"
+			  "&image.projection=fisheye&image.layers=depth,inscatter&camera.position_m=1,2,-3"
+			  "&ground.albedo=0.25&atmosphere.rayleigh.scattering_per_m=1e-6,2E-6,0.000003&seed=4294967295"
+			  "&time=2026-06-21T09:00:00%2B09:00&image.png_bits=16&atmosphere.spectrum=rgb",
+			WELKIN_EXR);
 	assert_int_equal(a.faults.n, 0);
 	const struct welkin_request *r = &a.request;
 	const double coefficients[] = { 1e-6, 2e-6, 3e-6 };
@@ -137,7 +138,8 @@ static void test_each_fault_is_named(void **state)
 static void test_all_faults_at_once(void **state)
 {
 	(void)state;
-	const struct answer a = ask_query("image.width=-1&sun.elevation_deg=91&colour=red&atmosphere.aerosol.g=1&tone.map=x", WELKIN_PNG);
+	const struct answer a = ask_query(
+		"image.width=-1&sun.elevation_deg=91&colour=red&atmosphere.aerosol.g=1&tone.map=x", WELKIN_PNG);
 	assert_int_equal(a.faults.n, 5);
 	assert_int_equal(a.faults.status, 422);
 	assert_string_equal(fault_of(&a.faults, "sun.elevation_deg")->allowed, "-90 to 90 deg");
@@ -151,8 +153,9 @@ static void test_all_faults_at_once(void **state)
 static void test_suggests_what_was_meant(void **state)
 {
 	(void)state;
-	static const char *const pairs[][2] = { { "sun.elevation", "sun.elevation_deg" }, { "elevation_deg", "sun.elevation_deg" },
-		{ "image.widht", "image.width" }, { "camera.fov", "camera.fov_deg" } };
+	static const char *const pairs[][2] = { { "sun.elevation", "sun.elevation_deg" },
+		{ "elevation_deg", "sun.elevation_deg" }, { "image.widht", "image.width" },
+		{ "camera.fov", "camera.fov_deg" } };
 	for (size_t i = 0; i < sizeof pairs / sizeof pairs[0]; i++) {
 		struct welkin_draft draft = { 0 };
 		struct welkin_faults faults = { 0 };

@@ -4,8 +4,10 @@
 const units = { deg: "°", "1/m": "m⁻¹", "W/m2/nm": "W/m²/nm" };
 const suffix = /_(deg|m|km|ms|s|nm|px|du|ev|per_m)$/;
 
+const spelled = { fov: "field of view", png: "PNG", exr: "EXR", ev: "EV" };
+
 function humanise(text) {
-	const words = text.replace(suffix, "").replaceAll("_", " ");
+	const words = text.replace(suffix, "").split("_").map(word => spelled[word] ?? word).join(" ");
 	return words.charAt(0).toUpperCase() + words.slice(1);
 }
 

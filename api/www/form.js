@@ -22,6 +22,9 @@ function tidy(field, scale, value) {
 	return String(Number(scale.digits === null ? value.toPrecision(3) : value.toFixed(scale.digits)));
 }
 
+// Short enough for the box; what is sent is never rounded.
+const shortened = text => text && Number.isFinite(Number(text)) ? String(Number(Number(text).toPrecision(6))) : text;
+
 const wants_slider = field => field.kind === "number" && field.min !== undefined && !(field.whole && field.max > 1e6);
 
 /* Each maker returns { node, show(text | null, fallback) }; set(text | null) tells the form. */
@@ -33,7 +36,7 @@ const makers = {
 			return { node: input, input, show(text, fallback) {
 				if (document.activeElement !== input)
 					input.value = text ?? "";
-				input.placeholder = fallback;
+				input.placeholder = shortened(fallback);
 			} };
 		const scale = slider_scale(field);
 		const slider = el("input", { type: "range", min: 0, max: SLIDER_STEPS, step: "any", "aria-label": `${field.label}, slider` });
@@ -41,7 +44,7 @@ const makers = {
 		return { node: el("div", { class: "pair" }, slider, input), input, show(text, fallback) {
 			if (document.activeElement !== input)
 				input.value = text ?? "";
-			input.placeholder = fallback;
+			input.placeholder = shortened(fallback);
 			const value = Number(text ?? fallback);
 			if (document.activeElement !== slider || text === null)
 				slider.value = SLIDER_STEPS * Math.min(1, Math.max(0, scale.to(Number.isFinite(value) ? value : field.min)));
@@ -109,7 +112,7 @@ const makers = {
 		return { node: input, input, show(text, fallback) {
 			if (document.activeElement !== input)
 				input.value = text ?? "";
-			input.placeholder = fallback.replaceAll(",", ", ");
+			input.placeholder = fallback.split(",").map(shortened).join(", ");
 		} };
 	},
 };
