@@ -15,6 +15,7 @@ struct scene {
 	int n_bands;               /* real wavelengths; the last batch is padded with copies */
 	int n_batches;
 	struct BandsBlock batches[SCENE_MAX_BATCHES];
+	float method_values[METHOD_VALUES]; /* MethodBlock: parameters of an operator's method */
 	int n_nodes;
 	float nodes[SCENE_MAX_NODES][2]; /* Gauss-Legendre: position in [0,1], weight (sum 1) */
 };

@@ -69,7 +69,7 @@ bool warm_up(struct workspace *ws, struct error *err)
 	request.exposure_mode = WELKIN_EXPOSURE_AUTO;
 	request.max_error = 1; /* any sample will do */
 	for (int method = 0; method < welkin_method_count; method++)
-		if (!warm_method(ws, &request, method, err))
+		if (!welkin_methods[method]->operators && !warm_method(ws, &request, method, err))
 			return false;
 	memset(ws->costs, 0, sizeof ws->costs);
 	return true;

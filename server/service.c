@@ -1,4 +1,5 @@
 #include "server/service.h"
+#include "gpu/operator_methods.h"
 #include "server/buffer.h"
 #include "server/cache.h"
 #include "server/clock.h"
@@ -55,6 +56,7 @@ struct service {
 	int64_t proved_us; /* the last success; 0: none of this renderer */
 	int64_t probed_us;
 	int started_fd;
+	int methods_fd; /* the operator's methods, for every renderer; -1: none */
 
 	unsigned long long hits, misses;
 };
@@ -274,6 +276,33 @@ static void on_ready(void *cls, const struct welkin_device *device)
 	tell(&settled);
 }
 
+/* The renderer was lost with this in hand, which may be the fault of the operator's methods among it. One that is
+ * there each time is switched off, and whoever waits for it is told. */
+static void blame_methods(struct service *s, const char *reason, struct settled *settled)
+{
+	bool running[OPERATOR_METHODS_MAX] = { false };
+	struct queue_item *next;
+	for (struct queue_item *i = s->queue.running.next; i != &s->queue.running; i = i->next) {
+		const int entry = operator_methods_find(RENDER_OF(i, item)->job.request.atmosphere.method);
+		if (entry >= 0)
+			running[entry] = true;
+	}
+	for (int entry = 0; entry < operator_methods_count(); entry++) {
+		if (!running[entry] || !operator_methods_blame(entry, reason))
+			continue;
+		log_event(LEVEL_ERROR, "method_unavailable", "method=%s reason=\"%s\"", operator_methods_at(entry)->name,
+			operator_methods_status(entry).reason);
+		for (struct queue_item *i = s->queue.waiting.next; i != &s->queue.waiting; i = next) {
+			struct render *r = RENDER_OF(i, item);
+			next = i->next;
+			if (operator_methods_find(r->job.request.atmosphere.method) != entry)
+				continue;
+			settle_all(settled, r, OUTCOME_UNAVAILABLE, "The method is not available any more; see /v1/methods.", 1);
+			drop(r, true);
+		}
+	}
+}
+
 static void on_lost(void *cls, const char *reason, bool was_ready)
 {
 	struct service *s = cls;
@@ -284,6 +313,8 @@ static void on_lost(void *cls, const char *reason, bool was_ready)
 	s->proved_us = 0;
 	snprintf(s->failure, sizeof s->failure, "%s", reason);
 	s->failures += !was_ready;
+	if (was_ready)
+		blame_methods(s, reason, &settled);
 	while (s->queue.running.next != &s->queue.running) {
 		struct render *r = RENDER_OF(s->queue.running.next, item);
 		settle_all(&settled, r, OUTCOME_UNAVAILABLE,
@@ -588,6 +619,7 @@ struct service *service_start(const struct options *options, struct error *err)
 		.shader_dir = options->shader_dir,
 		.slice_ms = options->slice_ms,
 		.table_mib = options->table_mib,
+		.methods_fd = operator_methods_count() ? operator_methods_bundle(err) : -1,
 		.watchdog_s = options->watchdog_s,
 		.startup_s = STARTUP_S,
 		.ready = on_ready,
@@ -596,8 +628,11 @@ struct service *service_start(const struct options *options, struct error *err)
 		.tick = on_tick,
 		.cls = s };
 	s->started_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+	s->methods_fd = config.methods_fd;
 	s->cache = cache_create((size_t)options->cache_mib << 20, product_unref);
-	if (s->started_fd < 0 || !s->cache)
+	if (operator_methods_count() && s->methods_fd < 0)
+		log_event(LEVEL_ERROR, "methods_failed", "reason=\"%s\"", err->text);
+	else if (s->started_fd < 0 || !s->cache)
 		error_set(err, "out of memory or descriptors");
 	else if ((s->workers = workers_start(encoders, err))) {
 		/* Its callbacks take the lock first, so none sees the field unset. */
@@ -639,6 +674,8 @@ void service_stop(struct service *s)
 	buffer_pool_finish(&s->buffers);
 	if (s->started_fd >= 0)
 		close(s->started_fd);
+	if (s->methods_fd >= 0)
+		close(s->methods_fd);
 	pthread_mutex_destroy(&s->lock);
 	free(s);
 }
