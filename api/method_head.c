@@ -61,7 +61,8 @@ bool method_name_valid(const char *name, size_t length)
 		return false;
 	for (size_t i = 0; i < length; i++) {
 		const char c = name[i];
-		if (!((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_') || (c == '_' && i && name[i - 1] == '_'))
+		if (!((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_') ||
+			(c == '_' && i && name[i - 1] == '_'))
 			return false;
 	}
 	return true;
@@ -72,7 +73,8 @@ static bool number(struct span s, const char *what, double *out, struct error *e
 	char text[32];
 	if (!copy(text, sizeof text, s, what, err))
 		return false;
-	return (number_parse(text, out) && isfinite(*out)) || error_set(err, "the %s \"%s\" is not a number", what, text);
+	return (number_parse(text, out) && isfinite(*out)) ||
+	       error_set(err, "the %s \"%s\" is not a number", what, text);
 }
 
 /* "MIN to MAX" */
@@ -81,7 +83,8 @@ static bool range(struct span s, double *min, double *max, struct error *err)
 	for (size_t i = 0; i + 4 <= s.length; i++)
 		if (!memcmp(s.at + i, " to ", 4)) {
 			const struct span low = { s.at, i }, high = { s.at + i + 4, s.length - i - 4 };
-			return number(trim(low), "lower bound", min, err) && number(trim(high), "upper bound", max, err) &&
+			return number(trim(low), "lower bound", min, err) &&
+			       number(trim(high), "upper bound", max, err) &&
 			       (*min < *max || error_set(err, "the range %g to %g is empty", *min, *max));
 		}
 	return error_set(err, "\"%.*s\" is not a range: MIN to MAX", (int)s.length, s.at);
@@ -96,16 +99,17 @@ static bool read_parameter(struct method_head *head, struct span value, struct e
 			  fallback = take(&value, '|');
 	double initial;
 	if (!method_name_valid(name.at, name.length))
-		return error_set(err, "\"%.*s\" can't name a parameter: up to %d of a-z, 0-9 and single _, a letter first",
+		return error_set(err,
+			"\"%.*s\" can't name a parameter: up to %d of a-z, 0-9 and single _, a letter first",
 			(int)name.length, name.at, METHOD_NAME_SIZE - 1);
 	copy(p->name, sizeof p->name, name, "name", NULL);
 	for (int i = 0; i < head->n_parameters; i++)
 		if (!strcmp(head->parameters[i].name, p->name))
 			return error_set(err, "there are two parameters %s", p->name);
 	if (!copy(p->unit, sizeof p->unit, span_is(unit, "-") ? (struct span){ "", 0 } : unit, "unit", err) ||
-	    !range(bounds, &p->min, &p->max, err) ||
-	    !copy(p->default_text, sizeof p->default_text, fallback, "default", err) ||
-	    !number(fallback, "default", &initial, err) || !copy(p->help, sizeof p->help, trim(value), "help", err))
+		!range(bounds, &p->min, &p->max, err) ||
+		!copy(p->default_text, sizeof p->default_text, fallback, "default", err) ||
+		!number(fallback, "default", &initial, err) || !copy(p->help, sizeof p->help, trim(value), "help", err))
 		return false;
 	if (initial < p->min || initial > p->max)
 		return error_set(err, "the default of %s is outside its range", p->name);
@@ -127,7 +131,7 @@ static bool read_domain(struct method_head *head, struct span value, struct erro
 	struct method_bound *b = &head->domain[head->n_domain];
 	const struct span field = take(&value, '|'), bounds = take(&value, '|');
 	if (!copy(b->field, sizeof b->field, field, "field", err) || !known_field(b->field, err) ||
-	    !range(bounds, &b->min, &b->max, err) || !copy(b->why, sizeof b->why, trim(value), "reason", err))
+		!range(bounds, &b->min, &b->max, err) || !copy(b->why, sizeof b->why, trim(value), "reason", err))
 		return false;
 	head->n_domain++;
 	return true;
@@ -155,8 +159,8 @@ static bool read_tables(struct method_head *head, struct span value, struct erro
 		else if (span_is(table, "optical_depth"))
 			head->optical_depth = true;
 		else
-			return error_set(err, "there is no table \"%.*s\": optical_depth and multiple are known", (int)table.length,
-				table.at);
+			return error_set(err, "there is no table \"%.*s\": optical_depth and multiple are known",
+				(int)table.length, table.at);
 	}
 	return true;
 }
@@ -187,11 +191,12 @@ static bool read_line(struct method_head *head, struct span line, struct error *
 	if (span_is(key, "domain"))
 		return read_domain(head, value, err);
 	return error_set(err,
-		"unknown key \"%.*s\": summary, source, physical, tables, fields, parameter and domain are known", (int)length,
-		line.at);
+		"unknown key \"%.*s\": summary, source, physical, tables, fields, parameter and domain are known",
+		(int)length, line.at);
 }
 
-/* The text of a line of comment; *block: inside one of slash and star, which may begin or end here. false: no comment. */
+/* The text of a line of comment; *block: inside one of slash and star, which may begin or end here. false: no comment.
+ */
 static bool comment_text(struct span *line, bool *block, bool *ended)
 {
 	struct span s = trim(*line);

@@ -10,7 +10,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-enum { RAYS = 128, TIMED_RAYS = 2048, WAVELENGTHS = 4 };
+enum { RAYS = 128, TIMED_RAYS = 8192, TIMED_RUNS = 4, WAVELENGTHS = 4 };
 
 static const double wavelengths_nm[WAVELENGTHS] = { 360, 440, 550, 830 };
 
@@ -75,7 +75,10 @@ static void refuse_program(struct check *c, const char *log)
 	const int n = snprintf(prefix, sizeof prefix, "shader methods/%s.comp: ", c->method->name);
 	if (!strncmp(line, prefix, (size_t)n))
 		line += n;
-	refuse(c, "%.*s", (int)strcspn(line, "\n"), line);
+	/* What a linker says has no place in the file. */
+	const size_t shown = strcspn(line, "\n");
+	const bool placed = memmem(line, shown, ".glsl:", 6) || memmem(line, shown, ".comp:", 6);
+	refuse(c, "%s%s%.*s", placed ? "" : c->method->file, placed ? "" : ": ", (int)shown, line);
 }
 
 /* ---- directions ---- */
@@ -123,7 +126,8 @@ static void set_rays(double (*rays)[3], int count, double sun_elevation_deg, dou
 static void describe(const struct check *c, char *text, size_t size)
 {
 	const struct welkin_request *r = &c->job.request;
-	int n = snprintf(text, size, "with the sun at %g deg and the camera at %g m", r->sun.elevation_deg, r->camera.altitude_m);
+	int n = snprintf(text, size, "with the sun at %g deg and the camera at %g m", r->sun.elevation_deg,
+		r->camera.altitude_m);
 	for (int i = 0; i < c->method->head.n_parameters && n < (int)size; i++)
 		n += snprintf(text + n, size - (size_t)n, ", %s %g", c->method->head.parameters[i].name,
 			r->method_values[c->method->method.first_value + i]);
@@ -139,14 +143,15 @@ static bool judge(struct check *c, long long nonfinite)
 			2 * c->job.n_directions * WAVELENGTHS, where);
 	for (int i = 0; i < c->job.n_directions * WAVELENGTHS; i++) {
 		const double L = c->map[at.radiance + (size_t)i], T = c->map[at.transmittance + (size_t)i];
-		const double elevation_deg = asin(c->map[at.directions + (size_t)(3 * (i / WAVELENGTHS) + 1)]) * (180 / M_PI);
+		const double elevation_deg =
+			asin(c->map[at.directions + (size_t)(3 * (i / WAVELENGTHS) + 1)]) * (180 / M_PI);
 		const double nm = wavelengths_nm[i % WAVELENGTHS];
 		if (L < 0)
-			return refuse(c, "%s: L is negative, %.3g, at elevation %.4g deg and %g nm, %s", c->method->file, L,
-				elevation_deg, nm, where);
+			return refuse(c, "%s: L is negative, %.3g, at elevation %.4g deg and %g nm, %s",
+				c->method->file, L, elevation_deg, nm, where);
 		if (T < 0 || T > 1 + transmittance_slack)
-			return refuse(c, "%s: T is not between 0 and 1 but %.6g at elevation %.4g deg and %g nm, %s", c->method->file,
-				T, elevation_deg, nm, where);
+			return refuse(c, "%s: T is not between 0 and 1 but %.6g at elevation %.4g deg and %g nm, %s",
+				c->method->file, T, elevation_deg, nm, where);
 	}
 	return true;
 }
@@ -277,12 +282,14 @@ static bool try_parameters(struct check *c, struct error *err)
 
 static bool measure(struct check *c, struct error *err)
 {
-	double ms;
-	for (int i = 0; i < 2; i++) /* the second knows what a ray costs, and that the code is there */
+	double ms, least_ms = INFINITY;
+	for (int i = 0; i < TIMED_RUNS; i++) {
 		if (!set_request(c, within(c, "sun.elevation_deg", 45), within(c, "camera.altitude_m", 1.7)) ||
 			!run(c, TIMED_RAYS, &ms, err))
 			return false;
-	c->status.ns_per_ray = ms * 1e6 / TIMED_RAYS;
+		least_ms = fmin(least_ms, ms); /* what else the machine does can only add to it */
+	}
+	c->status.ns_per_ray = least_ms * 1e6 / TIMED_RAYS;
 	return true;
 }
 
@@ -295,18 +302,24 @@ static bool try_all(struct check *c, struct error *err)
 
 bool operator_check(struct workspace *ws, int entry, void (*alive)(void *cls), void *cls, struct error *err)
 {
-	struct check c = { .ws = ws, .method = operator_methods_at(entry), .alive = alive, .cls = cls, .memfd = -1,
+	struct check c = { .ws = ws,
+		.method = operator_methods_at(entry),
+		.alive = alive,
+		.cls = cls,
+		.memfd = -1,
 		.status.state = OPERATOR_AVAILABLE };
 	struct error why = { "" };
 	char file[64];
 	bool lost = false;
-	c.job = (struct welkin_job){ .id = 1, .kind = WELKIN_JOB_RADIANCE, .n_directions = TIMED_RAYS,
-		.n_wavelengths = WAVELENGTHS };
+	c.job = (struct welkin_job){
+		.id = 1, .kind = WELKIN_JOB_RADIANCE, .n_directions = TIMED_RAYS, .n_wavelengths = WAVELENGTHS
+	};
 	const size_t size = welkin_job_bytes(&c.job);
 	snprintf(file, sizeof file, "methods/%s.comp", c.method->name);
 	c.memfd = memfd_create("welkin-check", MFD_CLOEXEC);
-	void *map = c.memfd < 0 || ftruncate(c.memfd, (off_t)size) ? MAP_FAILED
-								 : mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_SHARED, c.memfd, 0);
+	void *map = c.memfd < 0 || ftruncate(c.memfd, (off_t)size)
+			    ? MAP_FAILED
+			    : mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_SHARED, c.memfd, 0);
 	c.map = map;
 	if (map == MAP_FAILED)
 		refuse(&c, "%s: no memory for the check", c.method->file);

@@ -80,8 +80,10 @@ static bool place(struct entry *e)
 	const size_t length = strlen(m->file) - strlen(".glsl");
 	m->index = -1;
 	if (!method_name_valid(m->file, length)) {
-		refuse(e, "%.100s: the file's name has to be up to %d of a-z, 0-9 and single _, a letter first, and .glsl", m->file,
-			METHOD_NAME_SIZE - 1);
+		refuse(e,
+			"%.100s: the file's name has to be up to %d of a-z, 0-9 and single _, a letter first, and "
+			".glsl",
+			m->file, METHOD_NAME_SIZE - 1);
 		return false;
 	}
 	memcpy(m->name, m->file, length);
@@ -110,8 +112,8 @@ static void add_parameters(struct entry *e)
 	const struct method_head *head = &m->head;
 	int n = 0;
 	if (all.values + head->n_parameters > WELKIN_METHOD_VALUES) {
-		refuse(e, "%s: with its %d parameters all methods together would have more than %d", m->file, head->n_parameters,
-			WELKIN_METHOD_VALUES);
+		refuse(e, "%s: with its %d parameters all methods together would have more than %d", m->file,
+			head->n_parameters, WELKIN_METHOD_VALUES);
 		return;
 	}
 	m->method.first_value = all.values;
@@ -126,7 +128,8 @@ static void add_parameters(struct entry *e)
 			.max = p->max,
 			.default_text = p->default_text,
 			.help = p->help,
-			.offset = offsetof(struct welkin_request, method_values) + (size_t)all.values++ * sizeof(double),
+			.offset =
+				offsetof(struct welkin_request, method_values) + (size_t)all.values++ * sizeof(double),
 			.of_method = 1 + m->index };
 		const bool added = welkin_field_add(&field);
 		assert(added); /* fields.c leaves room for all values */
@@ -152,7 +155,9 @@ static void describe(struct entry *e)
 		.domain = e->ranges,
 		.physical = head->physical,
 		.operators = 1,
-		.tables = head->multiple ? need_multiple : head->optical_depth ? need_depth : NULL };
+		.tables = head->multiple        ? need_multiple
+			  : head->optical_depth ? need_depth
+						: NULL };
 }
 
 static void digest(const char *file, const char *text, char out[17])
@@ -215,7 +220,8 @@ static int compare(const void *a, const void *b)
 static bool is_method_file(const char *name)
 {
 	const size_t length = strlen(name);
-	return name[0] != '.' && length > 5 && length < sizeof((struct found *)0)->file && !strcmp(name + length - 5, ".glsl");
+	return name[0] != '.' && length > 5 && length < sizeof((struct found *)0)->file &&
+	       !strcmp(name + length - 5, ".glsl");
 }
 
 /* The text, malloc'd, or NULL with the reason in found. Never waits: a pipe is not a regular file. */

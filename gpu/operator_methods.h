@@ -30,11 +30,11 @@ enum operator_state {
 };
 
 struct operator_method {
-	char file[256];          /* its name in the folder */
+	char file[256];              /* its name in the folder */
 	char name[METHOD_NAME_SIZE]; /* "" where the file's name can't be one, or is a built-in method's */
-	int index;               /* into welkin_methods and welkin_method_names; -1 without a name */
-	const char *text;        /* NUL-terminated; NULL where it could not be read */
-	char digest[17];         /* of file name and text: goes into keys of images */
+	int index;                   /* into welkin_methods and welkin_method_names; -1 without a name */
+	const char *text;            /* NUL-terminated; NULL where it could not be read */
+	char digest[17];             /* of file name and text: goes into keys of images */
 	struct method_head head;
 	struct method method;
 };
@@ -66,7 +66,8 @@ struct operator_status operator_methods_status(int i);
 /* Notes what came of a check. Unavailable is for good. Returns whether this changed the state. */
 bool operator_methods_report(int i, const struct operator_status *status);
 /* The renderer was lost while it worked for this method: after the second time the method is
- * unavailable, since a daemon must not be restarted for ever by one of its methods. Returns whether it now became so. */
+ * unavailable, since a daemon must not be restarted for ever by one of its methods. Returns whether it now became so.
+ */
 bool operator_methods_blame(int i, const char *how);
 /* Grows with every change of a state: what was made from the states before is out of date. */
 unsigned operator_methods_changes(void);

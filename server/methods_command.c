@@ -93,7 +93,9 @@ static bool try_methods(const char *device, const char *shader_dir, struct error
 
 static void print_method(const struct method *m)
 {
-	printf("%-14s %s\n%-14s source: %s\n", m->name, m->summary ? m->summary : "", "", m->source ? m->source : "");
+	printf("%-14s %s\n", m->name, m->summary && *m->summary ? m->summary : "(says nothing about itself)");
+	if (m->source && *m->source)
+		printf("%-14s source: %s\n", "", m->source);
 	for (const struct method_range *r = m->domain; r && r->field; r++)
 		printf("%-14s domain: %s from %.9g to %.9g (%s)\n", "", r->field, r->min, r->max, r->why ? r->why : "");
 }
@@ -101,11 +103,11 @@ static void print_method(const struct method *m)
 /* false: it can't be used. */
 static bool print_operators(const struct operator_method *m, const struct operator_status *status)
 {
-	printf("%-14s file: %s\n", m->name, m->file);
+	printf("%-14s file: %s\n", "", m->file);
 	for (int i = 0; i < m->head.n_parameters; i++) {
 		const struct method_parameter *p = &m->head.parameters[i];
-		printf("%-14s method.%s.%s: %.9g to %.9g%s%s [%s]. %s\n", "", m->name, p->name, p->min, p->max, *p->unit ? " " : "",
-			p->unit, p->default_text, p->help);
+		printf("%-14s method.%s.%s: %.9g to %.9g%s%s [%s]. %s\n", "", m->name, p->name, p->min, p->max,
+			*p->unit ? " " : "", p->unit, p->default_text, p->help);
 	}
 	if (status->state == OPERATOR_UNAVAILABLE)
 		printf("%-14s NOT AVAILABLE: %s\n", "", status->reason);
@@ -128,7 +130,8 @@ static bool print_all(void)
 		sound = print_operators(m, &status) && sound;
 	}
 	if (operator_methods_left_out())
-		printf("%d more files are left out: the first %d are read\n", operator_methods_left_out(), OPERATOR_METHODS_MAX);
+		printf("%d more files are left out: the first %d are read\n", operator_methods_left_out(),
+			OPERATOR_METHODS_MAX);
 	return sound;
 }
 
@@ -146,9 +149,13 @@ int methods_command(int argc, char **argv)
 			if (!strncmp(argv[a], names[i], length) && (argv[a][length] == '=' || !argv[a][length]))
 				break;
 		}
-		const char *value = i == 3 ? NULL : argv[a][length] ? argv[a] + length + 1 : a + 1 < argc ? argv[++a] : NULL;
+		const char *value = i == 3            ? NULL
+				    : argv[a][length] ? argv[a] + length + 1
+				    : a + 1 < argc    ? argv[++a]
+						      : NULL;
 		if (!value) {
-			fprintf(stderr, "welkin methods: %s %s\n", argv[a], i == 3 ? "is not an option" : "needs a value");
+			fprintf(stderr, "welkin methods: %s %s\n", argv[a],
+				i == 3 ? "is not an option" : "needs a value");
 			return 2;
 		}
 		values[i] = value;

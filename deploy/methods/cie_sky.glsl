@@ -8,8 +8,8 @@
  * tables: optical_depth
  * parameter: type | - | 1 to 15 | 12 | Type of the standard, a whole number: 1 to 6 overcast to hazy, 7 to 10 partly cloudy, 11 to 15 clear.
  * parameter: zenith_luminance | cd/m2 | 0 to 100000 | 5000 | Luminance of the zenith.
- * parameter: zenith_temperature | K | 4000 to 25000 | 18000 | Colour temperature of the zenith.
- * parameter: horizon_temperature | K | 4000 to 25000 | 6500 | Colour temperature of the horizon.
+ * parameter: zenith_temperature | K | 4000 to 25000 | 24000 | Colour temperature of the zenith.
+ * parameter: horizon_temperature | K | 4000 to 25000 | 7500 | Colour temperature of the horizon.
  * parameter: sun | - | 0 to 1 | 1 | Share of the sun's own light that comes through the clouds.
  * domain: sun.elevation_deg | 0 to 90 | the standard is of the day
  * domain: camera.altitude_m | 0 to 3000 | the standard is of a sky seen from the ground
