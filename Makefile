@@ -113,15 +113,31 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_LIB) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
 
-.PHONY: tests
-tests: $(TEST_BIN)
+PROGRAMS  := soak bench_probe bench_encode bench_frames accuracy
+.PHONY: tests programs
+tests: $(TEST_BIN) $(B)/welkin
+programs: $(PROGRAMS:%=$(B)/tests/%) $(B)/welkin
+
+# ---- fuzzers: libFuzzer, AddressSanitizer and UndefinedBehaviorSanitizer, api/ only ----
+FUZZ_SECONDS ?= 600
+$(B)-fuzz/fuzz_%: tests/fuzz_%.c tests/fuzz_check.h $(API_SRC) $(B)/gen/method_names.c
+	@mkdir -p $(@D)
+	clang -std=gnu17 -O1 -g -I. -D_GNU_SOURCE $(PKG_CFLAGS) -fsanitize=fuzzer,address,undefined \
+	  -fno-sanitize-recover=all -o $@ $< $(API_SRC) $(B)/gen/method_names.c -lcjson -lnova -lm -lpthread
+.PHONY: fuzz fuzz-smoke
+fuzz: $(B)-fuzz/fuzz_query $(B)-fuzz/fuzz_json
+	@cd $(B)-fuzz && for t in query json; do mkdir -p new_$$t; ./fuzz_$$t -max_total_time=$(FUZZ_SECONDS) -max_len=4096 \
+	  -print_final_stats=1 new_$$t $(CURDIR)/tests/corpus/$$t 2>fuzz_$$t.log || { tail -40 fuzz_$$t.log; exit 1; }; \
+	  echo "fuzz_$$t: $$(sed -n 's/^stat::number_of_executed_units: *//p' fuzz_$$t.log) inputs in $(FUZZ_SECONDS) s, no fault"; done
+fuzz-smoke:
+	@$(MAKE) --no-print-directory fuzz FUZZ_SECONDS=30
 
 # ---- two commands ----
 RUN_DEPS   := build-essential pkg-config libmicrohttpd-dev libepoxy-dev libegl-dev libgl1-mesa-dri libegl-mesa0 libpng-dev \
               libdeflate-dev libopenexr-dev libnova-dev libsystemd-dev libinih-dev libcjson-dev zlib1g-dev
 CHECK_DEPS := $(RUN_DEPS) git curl libcmocka-dev libcurl4-openssl-dev libgsl-dev gnuplot-nox clang libclang-rt-14-dev clang-format \
-              clang-tidy cppcheck glslang-tools openexr pngcheck prometheus chromium chromium-driver python3-jsonschema \
-              openapi-specification
+              cppcheck glslang-tools openexr pngcheck prometheus chromium chromium-driver python3-jsonschema \
+              openapi-specification python3-yaml python3-requests haproxy varnish systemd
 
 # Installs what is missing of the named packages; without root or sudo it prints the line to type.
 define install_missing
@@ -149,7 +165,17 @@ check: deps-check
 	@tests/check.sh
 
 # ---- tools that measure ----
-.PHONY: fit-spectrum accuracy
+.PHONY: bench soak smoke fit-spectrum accuracy
+bench: programs
+	$(B)/tests/bench_encode
+	$(B)/tests/bench_frames
+	$(B)/tests/bench_probe
+soak: programs
+	$(B)/tests/soak
+smoke: programs
+	$(B)/tests/soak --smoke
+	$(B)/tests/bench_probe --smoke
+	$(B)/tests/bench_frames --smoke
 fit-spectrum: $(B)/tests/fit_spectrum
 	$(B)/tests/fit_spectrum gpu/spectrum_fit.h
 accuracy: $(B)/tests/accuracy
@@ -173,7 +199,8 @@ format:
 .PHONY: install
 install: all
 	install -D -m 755 $(B)/welkin $(DESTDIR)$(PREFIX)/bin/welkin
-	install -D -m 644 deploy/welkin.service $(DESTDIR)$(PREFIX)/lib/systemd/system/welkin.service
+	install -d $(DESTDIR)$(PREFIX)/lib/systemd/system
+	sed 's,/usr/local/bin,$(PREFIX)/bin,' deploy/welkin.service > $(DESTDIR)$(PREFIX)/lib/systemd/system/welkin.service
 
 .PHONY: clean
 clean:

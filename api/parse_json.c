@@ -11,7 +11,8 @@ struct reader {
 	struct welkin_draft *draft;
 	struct welkin_photometer *photometer; /* NULL: an image request */
 	struct welkin_faults *faults;
-	uint8_t group_seen[WELKIN_FIELDS_MAX]; /* by the group's first field, a bit for each depth: "a" and "a.b" may begin with the same */
+	uint8_t group_seen[WELKIN_FIELDS_MAX]; /* by the group's first field, a bit for each depth: "a" and "a.b" may
+						  begin with the same */
 	bool directions_seen, wavelengths_seen;
 };
 

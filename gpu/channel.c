@@ -113,10 +113,9 @@ enum welkin_receive welkin_receive(int fd, int timeout_ms, struct welkin_message
 		return WELKIN_WOULD_BLOCK;
 	struct iovec iov = { message, sizeof *message };
 	union fd_control control;
-	struct msghdr header = { .msg_iov = &iov,
-		.msg_iovlen = 1,
-		.msg_control = control.bytes,
-		.msg_controllen = sizeof control.bytes };
+	struct msghdr header = {
+		.msg_iov = &iov, .msg_iovlen = 1, .msg_control = control.bytes, .msg_controllen = sizeof control.bytes
+	};
 	ssize_t n;
 	do
 		n = recvmsg(fd, &header, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
@@ -125,7 +124,7 @@ enum welkin_receive welkin_receive(int fd, int timeout_ms, struct welkin_message
 		return errno == EAGAIN ? WELKIN_WOULD_BLOCK : WELKIN_CLOSED;
 	*passed_fd = take_descriptor(&header);
 	if (n >= (ssize_t)sizeof message->type && (size_t)n == message_bytes(message->type) &&
-	    !(header.msg_flags & MSG_TRUNC))
+		!(header.msg_flags & MSG_TRUNC))
 		return WELKIN_RECEIVED;
 	if (*passed_fd >= 0)
 		close(*passed_fd);

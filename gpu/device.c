@@ -36,7 +36,7 @@ static int find_candidates(struct candidate *list, int capacity)
 	EGLDeviceEXT devices[DEVICES_MAX];
 	EGLint n = 0;
 	if (has_word(client, "EGL_EXT_platform_device") &&
-	    (has_word(client, "EGL_EXT_device_base") || has_word(client, "EGL_EXT_device_enumeration")))
+		(has_word(client, "EGL_EXT_device_base") || has_word(client, "EGL_EXT_device_enumeration")))
 		if (!eglQueryDevicesEXT(DEVICES_MAX, devices, &n))
 			n = 0;
 	int count = 0;
@@ -70,7 +70,7 @@ static void describe(struct welkin_device *info, int index)
 	strncpy(info->vendor, (const char *)glGetString(GL_VENDOR), sizeof info->vendor - 1);
 	strncpy(info->version, (const char *)glGetString(GL_VERSION), sizeof info->version - 1);
 	info->software = strstr(info->name, "llvmpipe") || strstr(info->name, "softpipe") ||
-	                 strstr(info->name, "swrast") || strstr(info->name, "SWR");
+			 strstr(info->name, "swrast") || strstr(info->name, "SWR");
 	info->index = index;
 }
 
@@ -87,8 +87,8 @@ static bool open_candidate(struct device *device, const struct candidate *candid
 	EGLContext context = EGL_NO_CONTEXT;
 	const char *extensions = eglQueryString(display, EGL_EXTENSIONS);
 	if (!has_word(extensions, "EGL_KHR_surfaceless_context") ||
-	    !(has_word(extensions, "EGL_KHR_no_config_context") ||
-		    has_word(extensions, "EGL_MESA_configless_context"))) {
+		!(has_word(extensions, "EGL_KHR_no_config_context") ||
+			has_word(extensions, "EGL_MESA_configless_context"))) {
 		error_set(err, "device %d: no contexts without a surface", index);
 		goto fail;
 	}

@@ -5,10 +5,10 @@
 
 enum { METER_SAMPLES = 1024 };
 
-static const double target = 0.25;            /* half a stop above the grey of a photographer's card: skies are bright */
-static const double highlight_limit = 4;      /* scaled luminance of the 99th percentile */
-static const double shade = 1.0 / 256;         /* darker than this part of the bright end: night side, black ground */
-static const double darkest_cd_m2 = 0.005;    /* nautical twilight */
+static const double target = 0.25;         /* half a stop above the grey of a photographer's card: skies are bright */
+static const double highlight_limit = 4;   /* scaled luminance of the 99th percentile */
+static const double shade = 1.0 / 256;     /* darker than this part of the bright end: night side, black ground */
+static const double darkest_cd_m2 = 0.005; /* nautical twilight */
 static const double pupil_base_ev = 14;
 
 static double from_ev(double ev100)

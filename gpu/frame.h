@@ -27,21 +27,21 @@ struct frame {
 	const struct method *method;
 	const struct program *rays, *sky, *disk, *output; /* disk, output: chosen when the strips begin */
 	enum frame_stage stage;
-	struct strips strips;  /* METER, STRIPS */
-	int batch, direction;  /* DIRECTIONS: what comes next */
-	float (*samples)[4];   /* METER: as exposure_metered() takes them */
-	int tile[4];           /* progressive: the strip in hand */
-	int groups, check;     /* progressive: sample groups so far, and after how many to look at the error */
+	struct strips strips;   /* METER, STRIPS */
+	int batch, direction;   /* DIRECTIONS: what comes next */
+	float (*samples)[4];    /* METER: as exposure_metered() takes them */
+	int tile[4];            /* progressive: the strip in hand */
+	int groups, check;      /* progressive: sample groups so far, and after how many to look at the error */
 	double unit_started_ms; /* progressive: when the direction or the strip in hand was begun */
-	struct tally *tally;   /* progressive: what the samples add up to */
-	double error_sum;      /* progressive: relative variance of the pixels or values done so far, and how many */
+	struct tally *tally;    /* progressive: what the samples add up to */
+	double error_sum;       /* progressive: relative variance of the pixels or values done so far, and how many */
 	double error_count;
-	int sun_box[4];        /* STRIPS: pixels that the disk may touch; empty without one */
-	float white[4];        /* what a transmittance of 1 adds up to: linear Rec.709, luminance */
-	unsigned char *map;    /* the memfd */
+	int sun_box[4];     /* STRIPS: pixels that the disk may touch; empty without one */
+	float white[4];     /* what a transmittance of 1 adds up to: linear Rec.709, luminance */
+	unsigned char *map; /* the memfd */
 	size_t map_size;
-	double started_ms;     /* clock_ms() */
-	double waits;          /* slices that others got since its last; the renderer's */
+	double started_ms; /* clock_ms() */
+	double waits;      /* slices that others got since its last; the renderer's */
 	int tables_noted;
 	struct scene scene;
 	struct plan plan;
@@ -78,8 +78,8 @@ bool image_start(struct workspace *ws, struct frame *frame, struct error *err);
 bool image_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
 bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
 /* The passes of a tile up to its radiance; samples NULL but for progressive methods (LOCATION_SAMPLES). */
-void image_run_sky(struct workspace *ws, const struct frame *frame, const int tile[4], unsigned radiance,
-	const int samples[4]);
+void image_run_sky(
+	struct workspace *ws, const struct frame *frame, const int tile[4], unsigned radiance, const int samples[4]);
 /* Goes on by that many directions of the batch in hand. */
 void photometer_advance(struct frame *frame, int count);
 /* Puts the job's directions on the device. */

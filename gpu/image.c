@@ -76,7 +76,8 @@ static bool choose_programs(struct workspace *ws, struct frame *f, struct error 
 	char projection[32], output[64];
 	snprintf(projection, sizeof projection, "PROJECTION=%d", image->projection);
 	if (image->format == WELKIN_PNG)
-		snprintf(output, sizeof output, "FORMAT=%d TONE=%d LAYERS=0", output_format(image), f->job.request.tone_map);
+		snprintf(output, sizeof output, "FORMAT=%d TONE=%d LAYERS=0", output_format(image),
+			f->job.request.tone_map);
 	else
 		snprintf(output, sizeof output, "FORMAT=%d TONE=%d LAYERS=%d", output_format(image), TONE_NONE,
 			f->plan.features & FEATURE_LAYERS);
@@ -97,14 +98,16 @@ bool image_start(struct workspace *ws, struct frame *frame, struct error *err)
 	return true;
 }
 
-void image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4], unsigned radiance,
-	const int samples[4])
+void image_run_sky(
+	struct workspace *ws, const struct frame *f, const int tile[4], unsigned radiance, const int samples[4])
 {
 	struct pass rays = { .name = "rays", .program = f->rays, .threads = { tile[2], tile[3], 1 } };
 	memcpy(rays.tile, tile, sizeof rays.tile);
 	rays.storage[BIND_DIRECTIONS] = ws->rays.id;
 	passes_run(ws->passes, &rays);
-	struct pass sky = { .name = f->stage == FRAME_METER ? "meter" : "sky", .program = f->sky, .threads = { tile[2] * tile[3], 1, 1 } };
+	struct pass sky = { .name = f->stage == FRAME_METER ? "meter" : "sky",
+		.program = f->sky,
+		.threads = { tile[2] * tile[3], 1, 1 } };
 	memcpy(sky.tile, tile, sizeof sky.tile);
 	if (samples)
 		memcpy(sky.samples, samples, sizeof sky.samples);
@@ -158,8 +161,8 @@ static bool meter_step(struct workspace *ws, struct frame *f, double start_ms, s
 			(size_t)tile[2] * sizeof *from);
 	if (strips_done(&f->strips)) {
 		const struct FrameBlock *frame = &f->scene.frame;
-		const double scale = exposure_metered(&f->job.request, (const float(*)[4])f->samples,
-			frame->width * frame->height, f->white[3]);
+		const double scale = exposure_metered(
+			&f->job.request, (const float(*)[4])f->samples, frame->width * frame->height, f->white[3]);
 		begin_strips(ws, f, scale);
 	}
 	return true;
@@ -183,7 +186,8 @@ static struct strip_planes lay_out(const struct welkin_image_layout *layout, int
 	return p;
 }
 
-static void copy_plane(unsigned char *image, int image_width, const unsigned char *strip, const int tile[4], size_t pixel)
+static void copy_plane(
+	unsigned char *image, int image_width, const unsigned char *strip, const int tile[4], size_t pixel)
 {
 	const size_t row_bytes = (size_t)tile[2] * pixel, stride = (size_t)image_width * pixel;
 	unsigned char *to = image + (size_t)tile[1] * stride + (size_t)tile[0] * pixel;
@@ -208,7 +212,8 @@ static void read_back(struct workspace *ws, struct frame *f, const struct welkin
 	f->result.readback_ms += clock_ms() - start_ms;
 }
 
-static void run_output(struct workspace *ws, const struct frame *f, const int tile[4], const struct strip_planes *planes)
+static void run_output(
+	struct workspace *ws, const struct frame *f, const int tile[4], const struct strip_planes *planes)
 {
 	struct pass pass = { .name = "output", .program = f->output, .threads = { tile[2], tile[3], 1 } };
 	memcpy(pass.tile, tile, sizeof pass.tile);
@@ -223,8 +228,8 @@ static void run_output(struct workspace *ws, const struct frame *f, const int ti
 	passes_run(ws->passes, &pass);
 }
 
-static bool reserve(struct workspace *ws, const struct frame *f, int pixels, const struct strip_planes *planes,
-	struct error *err)
+static bool reserve(
+	struct workspace *ws, const struct frame *f, int pixels, const struct strip_planes *planes, struct error *err)
 {
 	const size_t size = (size_t)pixels * CHANNELS * sizeof(float);
 	const int layers = f->plan.features & FEATURE_LAYERS, disk = f->plan.features & FEATURE_SUN_DISK;
@@ -280,5 +285,6 @@ static bool strip_step(struct workspace *ws, struct frame *f, double start_ms, s
 
 bool image_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err)
 {
-	return frame->stage == FRAME_METER ? meter_step(ws, frame, start_ms, err) : strip_step(ws, frame, start_ms, err);
+	return frame->stage == FRAME_METER ? meter_step(ws, frame, start_ms, err)
+					   : strip_step(ws, frame, start_ms, err);
 }

@@ -44,7 +44,7 @@ size_t welkin_job_bytes(const struct welkin_job *job)
 {
 	if (job->kind == WELKIN_JOB_RADIANCE) {
 		if (job->n_directions < 1 || job->n_directions > WELKIN_MAX_DIRECTIONS || job->n_wavelengths < 1 ||
-		    job->n_wavelengths > WELKIN_MAX_WAVELENGTHS)
+			job->n_wavelengths > WELKIN_MAX_WAVELENGTHS)
 			return 0;
 		return welkin_radiance_layout(job->n_directions, job->n_wavelengths).total * sizeof(double);
 	}

@@ -51,7 +51,7 @@ struct welkin_result {
 	uint64_t id;
 	int32_t status; /* enum welkin_status */
 	int32_t n_passes, n_plan;
-	int32_t bands; /* wavelengths rendered */
+	int32_t bands;         /* wavelengths rendered */
 	double exposure_scale; /* pixel = radiance (cd/m²) × this */
 	double render_ms;      /* wall time in the renderer from start to last slice, preemptions included */
 	double readback_ms;    /* > 0 */
@@ -63,11 +63,11 @@ struct welkin_result {
 };
 
 struct welkin_device {
-	char name[128];     /* GL_RENDERER */
+	char name[128]; /* GL_RENDERER */
 	char vendor[64];
-	char version[128];  /* GL_VERSION */
-	int32_t software;   /* 1 for llvmpipe, softpipe, swrast */
-	int32_t index;      /* as `welkin devices` numbers it */
+	char version[128]; /* GL_VERSION */
+	int32_t software;  /* 1 for llvmpipe, softpipe, swrast */
+	int32_t index;     /* as `welkin devices` numbers it */
 	double startup_ms, warmup_ms;
 };
 
@@ -79,7 +79,8 @@ enum welkin_message_type {
 	WELKIN_MSG_FATAL,  /* renderer → server: it can't start or lost its context; it exits after this */
 	WELKIN_MSG_PONG,   /* renderer → server; also sent unasked at least every 200 ms while it works */
 	WELKIN_MSG_RESULT, /* renderer → server: exactly one for each job */
-	WELKIN_MSG_METHOD, /* renderer → server, before READY: an operator's method is about to be checked, or has been */
+	WELKIN_MSG_METHOD, /* renderer → server, before READY: an operator's method is about to be checked, or has been
+			    */
 };
 
 /* What the renderer says about an operator's method (gpu/operator_methods.h). */

@@ -30,16 +30,17 @@ struct method_range {
 
 struct method {
 	const char *name;
-	const char *summary;            /* one line */
-	const char *source;             /* paper or origin */
-	const char *const *fields;      /* fields it reads beyond camera and sun, NULL-terminated */
+	const char *summary;               /* one line */
+	const char *source;                /* paper or origin */
+	const char *const *fields;         /* fields it reads beyond camera and sun, NULL-terminated */
 	const struct method_range *domain; /* terminated by field == NULL */
-	int single_scattering;          /* 1: orders above the first are left out by nature */
-	int progressive;                /* 1: its kernel gives random samples, repeated until their error suffices */
-	int physical;                   /* 1: uses the media coefficients; 0: an analytic sky */
+	int single_scattering;             /* 1: orders above the first are left out by nature */
+	int progressive;                   /* 1: its kernel gives random samples, repeated until their error suffices */
+	int physical;                      /* 1: uses the media coefficients; 0: an analytic sky */
 	/* Makes sure that the tables it reads for a spectral batch exist and are bound (NULL: it reads
 	 * none). Not ready: work was dispatched, call again once it is done. */
-	enum table_state (*tables)(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
+	enum table_state (*tables)(
+		struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
 	/* An operator's method: which of request.method_values are its parameters, in the order of its MethodBlock. */
 	int operators; /* 1: from a file of the operator's, see operator_methods.h; 0: built in */
 	int first_value, n_values;

@@ -88,7 +88,8 @@ void passes_texture(struct passes *passes, unsigned unit, unsigned texture)
 static void bind(const struct passes *passes, const struct pass *pass)
 {
 	const GLuint uniform[] = { passes->blocks, passes->blocks, passes->blocks, passes->blocks };
-	const GLintptr offsets[] = { OFFSET_FRAME, OFFSET_MEDIA, OFFSET_BANDS + pass->batch * BLOCK_STRIDE, OFFSET_METHOD };
+	const GLintptr offsets[] = { OFFSET_FRAME, OFFSET_MEDIA, OFFSET_BANDS + pass->batch * BLOCK_STRIDE,
+		OFFSET_METHOD };
 	const GLsizeiptr sizes[] = { sizeof(struct FrameBlock), sizeof(struct MediaBlock), sizeof(struct BandsBlock),
 		METHOD_VALUES * sizeof(float) };
 	glBindBuffersRange(GL_UNIFORM_BUFFER, BIND_FRAME, 4, uniform, offsets, sizes);

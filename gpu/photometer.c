@@ -65,8 +65,8 @@ static void add_luminance(struct frame *f)
 	const int n = f->job.n_wavelengths;
 	double *reply = doubles(f);
 	for (int i = 0; i < f->job.n_directions; i++)
-		reply[at.luminance + (size_t)i] = spectrum_luminance(reply + at.wavelengths,
-			reply + at.radiance + (size_t)i * (size_t)n, n);
+		reply[at.luminance + (size_t)i] =
+			spectrum_luminance(reply + at.wavelengths, reply + at.radiance + (size_t)i * (size_t)n, n);
 }
 
 void photometer_advance(struct frame *frame, int count)
@@ -89,7 +89,8 @@ bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms,
 	const int afford = frame_afford(ws, frame, 1, start_ms), left = frame->job.n_directions - frame->direction;
 	const int count = afford < left ? afford : left;
 	const size_t size = (size_t)count * 4 * sizeof(float);
-	if (!workspace_reserve(&ws->spectral_L, size, true, err) || !workspace_reserve(&ws->spectral_T, size, true, err)) {
+	if (!workspace_reserve(&ws->spectral_L, size, true, err) ||
+		!workspace_reserve(&ws->spectral_T, size, true, err)) {
 		frame_finish(frame, WELKIN_FAILED, err->text);
 		return true;
 	}

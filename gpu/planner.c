@@ -106,8 +106,8 @@ static void plan_output(struct plan *plan, const struct welkin_request *request)
 	}
 }
 
-void planner_plan(struct plan *plan, const struct welkin_job *job, const struct scene *scene,
-	const struct method *method)
+void planner_plan(
+	struct plan *plan, const struct welkin_job *job, const struct scene *scene, const struct method *method)
 {
 	memset(plan, 0, sizeof *plan);
 	planner_note(plan, "sky", true, "method %s, %d wavelengths in %d %s", method->name, scene->n_bands,

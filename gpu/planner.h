@@ -10,17 +10,17 @@
  * Pure CPU work on the prepared scene.
  */
 struct plan {
-	int features;  /* FEATURE_ bits for the frame block */
-	bool meter;    /* the exposure has to be measured on the view */
+	int features; /* FEATURE_ bits for the frame block */
+	bool meter;   /* the exposure has to be measured on the view */
 	int n;
 	struct welkin_plan_entry entries[WELKIN_MAX_PASSES];
 };
 
-void planner_plan(struct plan *plan, const struct welkin_job *job, const struct scene *scene,
-	const struct method *method);
+void planner_plan(
+	struct plan *plan, const struct welkin_job *job, const struct scene *scene, const struct method *method);
 
 /* Adds an entry; more than fit are dropped. */
-__attribute__((format(printf, 4, 5))) void planner_note(struct plan *plan, const char *pass, bool ran, const char *why,
-	...);
+__attribute__((format(printf, 4, 5))) void planner_note(
+	struct plan *plan, const char *pass, bool ran, const char *why, ...);
 
 #endif

@@ -183,7 +183,8 @@ static void explain(const struct assembly *a, const char *name, const char *log,
 	for (const char *p = log; out && *p;) {
 		const int length = (int)strcspn(p, "\n");
 		int source, line, used = 0;
-		if (sscanf(p, "%d:%d%n", &source, &line, &used) == 2 || sscanf(p, "%d(%d)%n", &source, &line, &used) == 2)
+		if (sscanf(p, "%d:%d%n", &source, &line, &used) == 2 ||
+			sscanf(p, "%d(%d)%n", &source, &line, &used) == 2)
 			write_place(out, a, line);
 		fprintf(out, "%.*s\n", length - used, p + used);
 		p += length + (p[length] == '\n');

@@ -9,13 +9,13 @@
 #include <string.h>
 
 enum {
-	PATHS_PER_GROUP = 32,     /* of a direction: so finely is the first collision stratified */
-	FIRST_CHECK = 32,         /* groups: fewer say little of their spread */
-	GROUPS_MOST = 1 << 20,    /* of a direction: a value that does not settle ends there */
+	PATHS_PER_GROUP = 32,  /* of a direction: so finely is the first collision stratified */
+	FIRST_CHECK = 32,      /* groups: fewer say little of their spread */
+	GROUPS_MOST = 1 << 20, /* of a direction: a value that does not settle ends there */
 	PATHS_PER_PIXEL_PASS = 8,
 	FIRST_PIXEL_CHECK = 4,
 	PASSES_MOST = 1 << 16,
-	ORDERS_MOST = 200,        /* Russian roulette ends paths long before */
+	ORDERS_MOST = 200, /* Russian roulette ends paths long before */
 };
 
 static int max_order(const struct frame *f)
@@ -95,7 +95,8 @@ bool progressive_photometer_step(struct workspace *ws, struct frame *frame, doub
 	const int left = frame->check - frame->groups, afford = frame_afford(ws, frame, 1, start_ms);
 	const int groups = afford < left ? afford : left;
 	const size_t size = (size_t)groups * 4 * sizeof(float);
-	if (!workspace_reserve(&ws->spectral_L, size, true, err) || !workspace_reserve(&ws->spectral_T, size, true, err)) {
+	if (!workspace_reserve(&ws->spectral_L, size, true, err) ||
+		!workspace_reserve(&ws->spectral_T, size, true, err)) {
 		frame_finish(frame, WELKIN_FAILED, err->text);
 		return true;
 	}

@@ -13,8 +13,8 @@
 /* One slice's work on a radiance job: one direction and batch at a time. */
 bool progressive_photometer_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
 
-/* One pass over the strip in hand, into f->sums; *settled once the strip's mean is good and has been put where the output
- * kernel reads. */
+/* One pass over the strip in hand, into f->sums; *settled once the strip's mean is good and has been put where the
+ * output kernel reads. */
 bool progressive_strip_pass(struct workspace *ws, struct frame *frame, bool *settled, struct error *err);
 
 #endif

@@ -12,6 +12,7 @@
 #include "gpu/warmup.h"
 
 #include <math.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -246,8 +247,8 @@ static bool check_methods(struct renderer *r, const struct welkin_renderer_confi
 
 static bool start(struct renderer *r, const struct welkin_renderer_config *config, struct error *err)
 {
-	if (!device_open(&r->device, config->device, err) ||
-	    !workspace_init(&r->ws, &r->device, config->shader_dir, config->slice_ms, config->table_budget_mib, err))
+	if (!device_open(&r->device, config->device, err) || !workspace_init(&r->ws, &r->device, config->shader_dir,
+								     config->slice_ms, config->table_budget_mib, err))
 		return false;
 	const double start_ms = clock_ms();
 	if (config->warmup && !warm_up(&r->ws, err))
@@ -278,6 +279,10 @@ int welkin_renderer_main(int fd, const struct welkin_renderer_config *config)
 		send_text(fd, WELKIN_MSG_FATAL, "out of memory");
 		return status;
 	}
+	/* It lives as long as its socket: a SIGTERM for the whole service must not take it while the server
+	 * finishes what is in flight. */
+	signal(SIGTERM, SIG_IGN);
+	signal(SIGINT, SIG_IGN);
 	r->fd = fd;
 	if (start(r, config, &err)) {
 		send_ready(r);

@@ -10,9 +10,9 @@ enum { SCENE_MAX_BATCHES = WELKIN_MAX_WAVELENGTHS / 4, SCENE_MAX_NODES = 4096 };
 /* A request turned into what kernels read: blocks, batches of four bands, quadrature nodes.
  * Pure CPU work, no GL, so tests and tools use it too. */
 struct scene {
-	struct FrameBlock frame;   /* features, exposure_scale and output_format are the planner's */
+	struct FrameBlock frame; /* features, exposure_scale and output_format are the planner's */
 	struct MediaBlock media;
-	int n_bands;               /* real wavelengths; the last batch is padded with copies */
+	int n_bands; /* real wavelengths; the last batch is padded with copies */
 	int n_batches;
 	struct BandsBlock batches[SCENE_MAX_BATCHES];
 	float method_values[METHOD_VALUES]; /* MethodBlock: parameters of an operator's method */

@@ -27,6 +27,25 @@ enum table_state need_optical_depth(struct frame_tables *tables, const struct sc
 	return tables_need(tables, &optical_depth, &key, sizeof key, 0, err);
 }
 
+/* What scattering depends on, sun and camera apart. */
+struct coefficient_key {
+	struct profile_key profile;
+	vec4 moments, rayleigh, aerosol_scattering, aerosol_scaled_extinction, ozone, ground_albedo;
+};
+
+static struct coefficient_key coefficient_key(const struct scene *scene, int batch)
+{
+	const struct BandsBlock *bands = &scene->batches[batch];
+	struct coefficient_key key = { .profile = profile_key(&scene->media) };
+	memcpy(key.moments, scene->media.aerosol_moments, sizeof key.moments);
+	memcpy(key.rayleigh, bands->rayleigh, sizeof key.rayleigh);
+	memcpy(key.aerosol_scattering, bands->aerosol_scattering, sizeof key.aerosol_scattering);
+	memcpy(key.aerosol_scaled_extinction, bands->aerosol_scaled_extinction, sizeof key.aerosol_scaled_extinction);
+	memcpy(key.ozone, bands->ozone, sizeof key.ozone);
+	memcpy(key.ground_albedo, bands->ground_albedo, sizeof key.ground_albedo);
+	return key;
+}
+
 enum table_state need_multiple(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)
 {
 	enum { SUNS = 64, ALTITUDES = 32, LAYERS = 7 };
@@ -43,16 +62,28 @@ enum table_state need_multiple(struct frame_tables *tables, const struct scene *
 	const enum table_state state = need_optical_depth(tables, scene, err);
 	if (state != TABLE_READY)
 		return state;
-	const struct BandsBlock *bands = &scene->batches[batch];
-	struct {
-		struct profile_key profile;
-		vec4 moments, rayleigh, aerosol_scattering, aerosol_scaled_extinction, ozone, ground_albedo;
-	} key = { .profile = profile_key(&scene->media) };
-	memcpy(key.moments, scene->media.aerosol_moments, sizeof key.moments);
-	memcpy(key.rayleigh, bands->rayleigh, sizeof key.rayleigh);
-	memcpy(key.aerosol_scattering, bands->aerosol_scattering, sizeof key.aerosol_scattering);
-	memcpy(key.aerosol_scaled_extinction, bands->aerosol_scaled_extinction, sizeof key.aerosol_scaled_extinction);
-	memcpy(key.ozone, bands->ozone, sizeof key.ozone);
-	memcpy(key.ground_albedo, bands->ground_albedo, sizeof key.ground_albedo);
+	const struct coefficient_key key = coefficient_key(scene, batch);
 	return tables_need(tables, &multiple, &key, sizeof key, batch, err);
+}
+
+enum table_state need_precomputed(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)
+{
+	static const struct table_desc precomputed = {
+		.name = "precomputed",
+		.width = PRECOMPUTED_SUNS,
+		.height = PRECOMPUTED_VIEWS,
+		.depth = 2 * PRECOMPUTED_AZIMUTHS * PRECOMPUTED_ALTITUDES,
+		.internal_format = GL_RGBA32F,
+		.unit = UNIT_PRECOMPUTED,
+		.iterations = PRECOMPUTED_AZIMUTHS,
+		.threads = { PRECOMPUTED_SUNS, PRECOMPUTED_VIEWS, PRECOMPUTED_ALTITUDES },
+	};
+	const enum table_state state = need_multiple(tables, scene, batch, err);
+	if (state != TABLE_READY)
+		return state;
+	const struct {
+		struct coefficient_key coefficients;
+		int steps;
+	} key = { coefficient_key(scene, batch), scene->media.steps };
+	return tables_need(tables, &precomputed, &key, sizeof key, batch, err);
 }

@@ -12,4 +12,7 @@ enum table_state need_optical_depth(struct frame_tables *tables, const struct sc
 /* Light that has been scattered before: by planet, profiles, and the coefficients of the batch. UNIT_MULTIPLE. */
 enum table_state need_multiple(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
 
+/* What a ray brings, for every altitude, view and sun: by the same, and by steps. UNIT_PRECOMPUTED. */
+enum table_state need_precomputed(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
+
 #endif

@@ -6,9 +6,9 @@
 /* Spectral data, interpolated linearly between tabulated wavelengths (10 nm; colour matching 5 nm)
  * and held constant outside 360…830 nm. All in double precision; no state. */
 
-double spectrum_solar(double wavelength_nm);  /* W/m²/nm at 1 AU, ASTM G-173 ETR in 10 nm bins */
-double spectrum_ozone(double wavelength_nm);  /* m² per molecule at 233 K */
-void spectrum_cie(double wavelength_nm, double xyz[3]); /* CIE 1931 2° */
+double spectrum_solar(double wavelength_nm);               /* W/m²/nm at 1 AU, ASTM G-173 ETR in 10 nm bins */
+double spectrum_ozone(double wavelength_nm);               /* m² per molecule at 233 K */
+void spectrum_cie(double wavelength_nm, double xyz[3]);    /* CIE 1931 2° */
 void spectrum_daylight(double wavelength_nm, double s[3]); /* CIE S0 S1 S2 */
 
 /* A triple given at 680, 550, 440 nm, at any wavelength: a power law between neighbours (exact at

@@ -20,7 +20,8 @@ bool strips_done(const struct strips *strips)
 void strips_next(struct strips *strips, int max_pixels, int tile[4])
 {
 	if (strips->rows == 0)
-		strips->rows = at_most(whole_groups(max_pixels / strips->width, WORKGROUP_Y), strips->height - strips->y);
+		strips->rows =
+			at_most(whole_groups(max_pixels / strips->width, WORKGROUP_Y), strips->height - strips->y);
 	int columns = strips->width - strips->x;
 	if ((double)columns * strips->rows > max_pixels)
 		columns = at_most(whole_groups(max_pixels / strips->rows, WORKGROUP_X), columns);

@@ -8,7 +8,7 @@
 enum { TABLES_MAX = 256, KEY_MAX = 1024 };
 
 struct table {
-	unsigned texture; /* 0: the slot is free */
+	unsigned texture;  /* 0: the slot is free */
 	unsigned previous; /* iterated: where the last run's result is while building; 0 otherwise */
 	int runs;          /* of the kernel so far */
 	const struct table_desc *desc;
@@ -23,8 +23,8 @@ struct frame_tables {
 	struct passes *passes;
 	struct programs *programs;
 	double budget_bytes;
-	uint64_t clock;    /* counts needs */
-	uint64_t pinned;   /* tables used since then are in use by the slice in hand */
+	uint64_t clock;  /* counts needs */
+	uint64_t pinned; /* tables used since then are in use by the slice in hand */
 	struct table list[TABLES_MAX];
 	struct tables_report report;
 };
@@ -158,8 +158,8 @@ static int runs_needed(const struct table_desc *desc)
 	return desc->iterations > 1 ? desc->iterations : 1;
 }
 
-static struct table *add(struct frame_tables *tables, const struct table_desc *desc, const void *key,
-	size_t key_size, struct error *err)
+static struct table *add(
+	struct frame_tables *tables, const struct table_desc *desc, const void *key, size_t key_size, struct error *err)
 {
 	struct table *t = make_room(tables, desc_bytes(desc));
 	if (!t) {
@@ -208,15 +208,20 @@ static bool run(struct frame_tables *tables, struct table *t, int batch, struct 
 static void report(struct frame_tables *tables, const struct table *t, bool built)
 {
 	struct tables_report *list = &tables->report;
-	for (int i = 0; i < list->n; i++)
-		if (strcmp(list->entries[i].pass, t->pass) == 0) {
-			list->entries[i].built |= built;
-			return;
-		}
-	if (list->n == TABLES_REPORT_MAX)
+	int i = 0;
+	while (i < list->n && strcmp(list->entries[i].pass, t->pass) != 0)
+		i++;
+	if (i == TABLES_REPORT_MAX)
 		return;
-	snprintf(list->entries[list->n].pass, sizeof t->pass, "%s", t->pass);
-	list->entries[list->n++].built = built;
+	if (i == list->n) {
+		memset(&list->entries[i], 0, sizeof list->entries[i]);
+		snprintf(list->entries[i].pass, sizeof t->pass, "%s", t->pass);
+		list->n++;
+	}
+	if (built)
+		list->entries[i].built++;
+	else
+		list->entries[i].kept++;
 }
 
 enum table_state tables_need(struct frame_tables *tables, const struct table_desc *desc, const void *key,

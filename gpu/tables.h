@@ -15,13 +15,14 @@ struct frame_tables;
  * depend on, kept under a memory budget (least recently used goes first). */
 
 struct table_desc {
-	const char *name;   /* kernel shaders/tables/NAME.comp writes image unit 0 (writeonly); also the pass name "table-NAME" */
+	const char *name;         /* kernel shaders/tables/NAME.comp writes image unit 0 (writeonly); also the pass name
+				     "table-NAME" */
 	int width, height, depth; /* depth 0: 2-D */
 	unsigned internal_format; /* GL_RGBA32F, … */
-	int unit;           /* texture unit where the readers expect it (UNIT_…) */
-	int iterations;     /* > 1: the kernel runs that often, LOCATION_ITERATION counting from 0 */
-	int feedback;       /* 1: each run writes a new table and finds the last one's bound to the unit */
-	int threads[3];     /* invocations; 0: one per texel */
+	int unit;                 /* texture unit where the readers expect it (UNIT_…) */
+	int iterations;           /* > 1: the kernel runs that often, LOCATION_ITERATION counting from 0 */
+	int feedback;             /* 1: each run writes a new table and finds the last one's bound to the unit */
+	int threads[3];           /* invocations; 0: one per texel */
 };
 
 /* Makes sure the table for this key (at most 1024 bytes) exists and binds it to its unit: linear
@@ -41,13 +42,13 @@ void tables_destroy(struct frame_tables *tables);
 /* Before a slice asks for its tables: from here on, those it needs are not let go of. */
 void tables_begin_slice(struct frame_tables *tables);
 
-/* The tables asked for since the slice began. */
+/* The tables asked for since the slice began, by pass. */
 enum { TABLES_REPORT_MAX = 8 };
 struct tables_report {
 	int n;
 	struct {
 		char pass[32];
-		bool built; /* false: it was there already */
+		int built, kept; /* times that a run was dispatched, and that it was there already */
 	} entries[TABLES_REPORT_MAX];
 };
 const struct tables_report *tables_report(const struct frame_tables *tables);

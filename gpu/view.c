@@ -90,7 +90,8 @@ static bool near_pole(const struct FrameBlock *frame, const double sun[3])
 /* Two unit vectors that make a right-handed basis with d. */
 static void basis(const double d[3], double x[3], double y[3])
 {
-	const int least = fabs(d[0]) < fabs(d[1]) ? (fabs(d[0]) < fabs(d[2]) ? 0 : 2) : (fabs(d[1]) < fabs(d[2]) ? 1 : 2);
+	const int least =
+		fabs(d[0]) < fabs(d[1]) ? (fabs(d[0]) < fabs(d[2]) ? 0 : 2) : (fabs(d[1]) < fabs(d[2]) ? 1 : 2);
 	double length = 0;
 	for (int i = 0; i < 3; i++) {
 		x[i] = (i == least) - d[least] * d[i];
@@ -107,8 +108,9 @@ static bool edge_box(const struct FrameBlock *frame, double low[2], double high[
 {
 	const double r = (double)frame->sun_angular_radius;
 	double sun[3], x[3], y[3];
-	to_camera(frame, (const double[3]){ (double)frame->sun_direction[0], (double)frame->sun_direction[1],
-				 (double)frame->sun_direction[2] },
+	to_camera(frame,
+		(const double[3]){ (double)frame->sun_direction[0], (double)frame->sun_direction[1],
+			(double)frame->sun_direction[2] },
 		sun);
 	if (near_pole(frame, sun))
 		return false;

@@ -9,14 +9,14 @@
 
 enum { WIDTH = 32, HEIGHT = 16 };
 
-/* Runs one job to its end in memory of its own; fill may put a radiance job's input there. */
-static bool run_job(struct workspace *ws, const struct welkin_job *job, const double *input, size_t input_count,
-	struct error *err)
+/* Runs one job to its end in memory of its own, which starts with the input. */
+static bool run_job(
+	struct workspace *ws, const struct welkin_job *job, const double *input, size_t input_count, struct error *err)
 {
 	const size_t size = welkin_job_bytes(job);
 	const int memfd = memfd_create("welkin-warm-up", MFD_CLOEXEC);
 	if (memfd < 0 || ftruncate(memfd, (off_t)size) != 0 ||
-	    pwrite(memfd, input, input_count * sizeof *input, 0) != (ssize_t)(input_count * sizeof *input)) {
+		pwrite(memfd, input, input_count * sizeof *input, 0) != (ssize_t)(input_count * sizeof *input)) {
 		if (memfd >= 0)
 			close(memfd);
 		return error_set(err, "no memory for the warm-up");
@@ -39,9 +39,6 @@ static bool warm_method(struct workspace *ws, const struct welkin_request *reque
 	job.request.atmosphere.method = method;
 	if (!run_job(ws, &job, NULL, 0, err))
 		return false;
-	/* the learned cost of the first dispatch holds code generation: the second corrects it */
-	job.request.image.width = 4 * WIDTH;
-	job.request.image.height = 4 * HEIGHT;
 	job.request.image.format = WELKIN_EXR;
 	job.request.image.layers = WELKIN_LAYER_DEPTH | WELKIN_LAYER_TRANSMITTANCE | WELKIN_LAYER_INSCATTER;
 	if (!run_job(ws, &job, NULL, 0, err))
@@ -51,26 +48,69 @@ static bool warm_method(struct workspace *ws, const struct welkin_request *reque
 	return run_job(ws, &job, zenith_550, 4, err);
 }
 
-bool warm_up(struct workspace *ws, struct error *err)
+/* Every choice that programs are built for, on the cheapest sky: projections with the sun in view, pixel
+ * formats, tone maps. */
+static bool warm_choices(struct workspace *ws, const struct welkin_request *request, struct error *err)
+{
+	struct welkin_job job = { .kind = WELKIN_JOB_IMAGE, .request = *request };
+	struct welkin_image *image = &job.request.image;
+	for (int projection = 0; projection <= WELKIN_CUBEMAP; projection++) {
+		image->projection = projection;
+		if (!run_job(ws, &job, NULL, 0, err))
+			return false;
+	}
+	for (int bits = 8; bits <= 16; bits += 8)
+		for (int tone = 0; tone <= WELKIN_TONE_NONE; tone++) {
+			image->png_bits = bits;
+			job.request.tone_map = tone;
+			if (!run_job(ws, &job, NULL, 0, err))
+				return false;
+		}
+	image->format = WELKIN_EXR;
+	for (int i = 0; i < 4; i++) {
+		image->exr_type = i & 1 ? WELKIN_FLOAT : WELKIN_HALF;
+		image->layers = i & 2 ? WELKIN_LAYER_DEPTH : 0;
+		if (!run_job(ws, &job, NULL, 0, err))
+			return false;
+	}
+	return true;
+}
+
+static bool default_request(struct welkin_request *request, struct error *err)
 {
 	struct welkin_draft draft;
 	struct welkin_faults faults;
-	struct welkin_request request;
 	const struct welkin_limits limits = { .max_pixels = 1e6 };
 	memset(&draft, 0, sizeof draft);
 	memset(&faults, 0, sizeof faults);
-	welkin_resolve(&draft, WELKIN_PNG, &limits, &request, &faults);
+	welkin_resolve(&draft, WELKIN_PNG, &limits, request, &faults);
 	if (faults.n > 0)
-		return error_set(err, "the default request is at fault: %s: %s", faults.list[0].field,
-			faults.list[0].detail);
-	request.image.width = WIDTH;
-	request.image.height = HEIGHT;
-	request.image.projection = WELKIN_EQUIRECTANGULAR;
-	request.exposure_mode = WELKIN_EXPOSURE_AUTO;
-	request.max_error = 1; /* any sample will do */
+		return error_set(
+			err, "the default request is at fault: %s: %s", faults.list[0].field, faults.list[0].detail);
+	request->image.width = WIDTH;
+	request->image.height = HEIGHT;
+	request->image.projection = WELKIN_EQUIRECTANGULAR;
+	request->exposure_mode = WELKIN_EXPOSURE_AUTO;
+	request->max_error = 1; /* any sample will do */
+	request->sun.elevation_deg = 10;
+	request->sun.azimuth_deg = request->camera.heading_deg;
+	return true;
+}
+
+bool warm_up(struct workspace *ws, struct error *err)
+{
+	struct welkin_request request;
+	if (!default_request(&request, err))
+		return false;
 	for (int method = 0; method < welkin_method_count; method++)
 		if (!welkin_methods[method]->operators && !warm_method(ws, &request, method, err))
 			return false;
+	for (int method = 0; method < welkin_method_count; method++)
+		if (strcmp(welkin_methods[method]->name, "gradient") == 0)
+			request.atmosphere.method = method;
+	if (!warm_choices(ws, &request, err))
+		return false;
+	/* what was learned holds code generation */
 	memset(ws->costs, 0, sizeof ws->costs);
 	return true;
 }

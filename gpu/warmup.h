@@ -3,8 +3,9 @@
 
 #include "gpu/workspace.h"
 
-/* Renders a small frame with every method, as an image of each pixel format and as a radiance job, so
- * that no client pays for compilation: drivers generate code at a program's first dispatch. */
+/* Renders small frames with every method, as image and as radiance job, and with every projection, pixel
+ * format and tone map, so that no client pays for compilation: drivers generate code at a program's
+ * first dispatch. */
 bool warm_up(struct workspace *ws, struct error *err);
 
 #endif

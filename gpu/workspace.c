@@ -31,8 +31,9 @@ static void release(struct buffer *buffer)
 
 void workspace_finish(struct workspace *ws)
 {
-	struct buffer *buffers[] = { &ws->rays, &ws->radiance, &ws->inscatter, &ws->transmittance, &ws->output, &ws->counters,
-		&ws->meter, &ws->samples, &ws->sample_layers, &ws->directions, &ws->spectral_L, &ws->spectral_T };
+	struct buffer *buffers[] = { &ws->rays, &ws->radiance, &ws->inscatter, &ws->transmittance, &ws->output,
+		&ws->counters, &ws->meter, &ws->samples, &ws->sample_layers, &ws->directions, &ws->spectral_L,
+		&ws->spectral_T };
 	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
 		release(buffers[i]);
 	tables_destroy(ws->tables);
@@ -51,8 +52,8 @@ bool workspace_reserve(struct buffer *buffer, size_t size, bool mapped, struct e
 		rounded *= 2;
 	const GLbitfield map = GL_MAP_READ_BIT | GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
 	glCreateBuffers(1, &buffer->id);
-	glNamedBufferStorage(buffer->id, (GLsizeiptr)rounded, NULL,
-		mapped ? map | GL_CLIENT_STORAGE_BIT : GL_DYNAMIC_STORAGE_BIT);
+	glNamedBufferStorage(
+		buffer->id, (GLsizeiptr)rounded, NULL, mapped ? map | GL_CLIENT_STORAGE_BIT : GL_DYNAMIC_STORAGE_BIT);
 	if (mapped)
 		buffer->data = glMapNamedBufferRange(buffer->id, 0, (GLsizeiptr)rounded, map);
 	if (glGetError() != GL_NO_ERROR || (mapped && !buffer->data)) {

@@ -37,12 +37,12 @@ struct workspace {
 	struct passes *passes;
 	struct frame_tables *tables;
 	double slice_ms;
-	int strip_pixels; /* most pixels in a strip */
+	int strip_pixels;                                       /* most pixels in a strip */
 	struct buffer rays, radiance, inscatter, transmittance; /* device only */
-	struct buffer output, counters;                   /* mapped */
-	struct buffer meter;                              /* mapped */
-	struct buffer samples, sample_layers;             /* mapped; progressive methods */
-	struct buffer directions, spectral_L, spectral_T; /* photometer; the last two mapped */
+	struct buffer output, counters;                         /* mapped */
+	struct buffer meter;                                    /* mapped */
+	struct buffer samples, sample_layers;                   /* mapped; progressive methods */
+	struct buffer directions, spectral_L, spectral_T;       /* photometer; the last two mapped */
 	struct cost costs[WORKSPACE_COSTS];
 	unsigned cost_clock;
 	const void *bound; /* the frame whose blocks are on the device; frames clear it when they go */

@@ -86,7 +86,8 @@ static void add_field(struct text *text, const char *name)
 
 static void add_operators(struct text *text, const struct operator_method *m, const struct operator_status *status)
 {
-	text_printf(text, ",\"operator\":true,\"available\":%s,", status->state == OPERATOR_UNAVAILABLE ? "false" : "true");
+	text_printf(
+		text, ",\"operator\":true,\"available\":%s,", status->state == OPERATOR_UNAVAILABLE ? "false" : "true");
 	add_member(text, "file", m->file);
 	if (status->state == OPERATOR_UNAVAILABLE) {
 		text_puts(text, ",");

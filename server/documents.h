@@ -23,7 +23,7 @@ enum { DOCUMENT_METHODS, DOCUMENT_PRESETS, DOCUMENT_OPENAPI, DOCUMENT_COUNT };
 struct documents {
 	pthread_mutex_t lock;
 	struct documents_made *newest; /* under the lock */
-	struct document *files; /* one for each of welkin_embedded_www */
+	struct document *files;        /* one for each of welkin_embedded_www */
 };
 
 struct documents *documents_create(struct error *err);

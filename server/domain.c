@@ -74,8 +74,8 @@ void domain_check(const struct welkin_request *request, struct welkin_faults *fa
 	const struct operator_status status =
 		entry >= 0 ? operator_methods_status(entry) : (struct operator_status){ .state = OPERATOR_AVAILABLE };
 	if (status.state == OPERATOR_UNAVAILABLE) {
-		welkin_fault_add(faults, 422, "atmosphere.method", "see /v1/methods", "the method %s is not available: %s",
-			method->name, status.reason);
+		welkin_fault_add(faults, 422, "atmosphere.method", "see /v1/methods",
+			"the method %s is not available: %s", method->name, status.reason);
 		return;
 	}
 	for (const struct method_range *r = method->domain; r && r->field; r++) {

@@ -9,18 +9,6 @@ static const char *skip_space(const char *c)
 	return c + strspn(c, " \t");
 }
 
-/* The end of one element of a comma-separated list; commas in quoted strings do not count. */
-static const char *element_end(const char *c)
-{
-	for (bool quoted = false; *c && (quoted || *c != ','); c++) {
-		if (quoted && *c == '\\' && c[1])
-			c++;
-		else if (*c == '"')
-			quoted = !quoted;
-	}
-	return c;
-}
-
 /* 3 for an exact match, 2 for type/ *, 1 for * / *, 0 for none. */
 static int specificity(const char *range, size_t length, const char *type)
 {
@@ -33,11 +21,23 @@ static int specificity(const char *range, size_t length, const char *type)
 	return length == 3 && !memcmp(range, "*/*", 3);
 }
 
+/* The end of what goes up to one of `stops`, or of the text; what is quoted does not count. */
+static const char *unquoted_end(const char *c, const char *stops)
+{
+	for (bool quoted = false; *c && (quoted || !strchr(stops, *c)); c++) {
+		if (quoted && *c == '\\' && c[1])
+			c++;
+		else if (*c == '"')
+			quoted = !quoted;
+	}
+	return c;
+}
+
 static double parameter_q(const char *c, const char *end)
 {
-	while ((c = memchr(c, ';', (size_t)(end - c)))) {
+	for (c = unquoted_end(c, ";,"); c < end; c = unquoted_end(c, ";,")) {
 		c = skip_space(c + 1);
-		if (end - c > 2 && (*c == 'q' || *c == 'Q') && c[1] == '=') {
+		if ((*c == 'q' || *c == 'Q') && c[1] == '=') {
 			const double q = strtod(c + 2, NULL);
 			return q >= 0 && q <= 1 ? q : 0;
 		}
@@ -53,7 +53,7 @@ double accept_quality(const char *accept, const char *type)
 		return 1;
 	for (const char *c = accept; *c; c += *c == ',') {
 		c = skip_space(c);
-		const char *end = element_end(c);
+		const char *end = unquoted_end(c, ",");
 		const size_t length = strcspn(c, ";, \t");
 		const int s = c + length <= end ? specificity(c, length, type) : 0;
 		if (s > best) {
@@ -79,7 +79,7 @@ bool etag_matches(const char *if_none_match, const char *tag)
 			c += 2;
 		if (*c == '"' && !strncmp(c + 1, tag, length) && c[1 + length] == '"')
 			return true;
-		c = element_end(c);
+		c = unquoted_end(c, ",");
 		c += *c == ',';
 	}
 	return false;

@@ -215,6 +215,9 @@ bool options_load(struct options *options, int argc, char **argv, struct error *
 		level++;
 	if (!levels[level])
 		return error_set(err, "log-level: \"%s\" is not error, warn, info or debug", options->log_level);
+	if (strcmp(options->device, "auto") && strcmp(options->device, "software") &&
+		(!*options->device || strspn(options->device, "0123456789") != strlen(options->device)))
+		return error_set(err, "device: \"%s\" is not auto, software or a number", options->device);
 	return true;
 }
 

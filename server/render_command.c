@@ -89,7 +89,8 @@ static int help(void)
 	       "what a render of the image reports about itself. Faults of the request: one line each, status 2. A\n"
 	       "render that fails: status 1.\n"
 	       "\n"
-	       "Environment: WELKIN_DEVICE, WELKIN_SHADER_DIR, WELKIN_METHOD_DIR and WELKIN_RENDERER, as for welkin serve.\n"
+	       "Environment: WELKIN_DEVICE, WELKIN_SHADER_DIR, WELKIN_METHOD_DIR and WELKIN_RENDERER, as for welkin "
+	       "serve.\n"
 	       "\n"
 	       "Fields, with what they allow and their [default]:\n%s",
 		fields);

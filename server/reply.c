@@ -1,6 +1,7 @@
 #include "server/reply.h"
 #include "api/api.h"
 #include "server/clock.h"
+#include "server/log.h"
 #include "server/negotiate.h"
 #include "server/timing.h"
 #include "server/version.h"
@@ -41,6 +42,8 @@ static enum MHD_Result send_reply(struct call *call, int status, struct MHD_Resp
 		header(response, "Connection", "close");
 	if (call->ticket.outcome != OUTCOME_GONE)
 		metrics_count_reply(call->resource ? call->resource->counted_as : RESOURCE_OTHER, status);
+	log_event(status >= 500 ? LEVEL_WARN : LEVEL_DEBUG, "reply", "status=%d path=\"%.200s\" ms=%.3f", status,
+		call->path, clock_ms_between(call->received_us, clock_us()));
 	connection_deadline(call->http->connections, call->connection, call->http->options->reply_deadline_s, false);
 	const enum MHD_Result queued = MHD_queue_response(call->mhd, (unsigned)status, response);
 	MHD_destroy_response(response);

@@ -38,7 +38,8 @@ static void make_key(struct call *call)
 	call->keyed = !call->request.image.embed_timing;
 	/* The file of an operator's method is as much a part of the build as a shader of ours. */
 	const int entry = operator_methods_find(call->request.atmosphere.method);
-	snprintf(salt, sizeof salt, "%s|%s|%s", build_name, device.name, entry >= 0 ? operator_methods_at(entry)->digest : "");
+	snprintf(salt, sizeof salt, "%s|%s|%s", build_name, device.name,
+		entry >= 0 ? operator_methods_at(entry)->digest : "");
 	if (call->keyed)
 		welkin_request_key(&call->request, salt, call->key);
 }

@@ -13,6 +13,7 @@
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <systemd/sd-daemon.h>
 #include <unistd.h>
@@ -68,13 +69,26 @@ static bool read_methods(const char *dir, struct error *err)
 	for (int i = 0; i < operator_methods_count(); i++) {
 		const struct operator_status status = operator_methods_status(i);
 		if (status.state == OPERATOR_UNAVAILABLE)
-			log_event(LEVEL_ERROR, "method_unavailable", "method=%s reason=\"%s\"", operator_methods_at(i)->name,
-				status.reason);
+			log_event(LEVEL_ERROR, "method_unavailable", "method=%s reason=\"%s\"",
+				operator_methods_at(i)->name, status.reason);
 	}
 	if (operator_methods_left_out())
 		log_event(LEVEL_ERROR, "methods_left_out", "n=%d reason=\"the first %d files of %s are read\"",
 			operator_methods_left_out(), OPERATOR_METHODS_MAX, dir);
 	return true;
+}
+
+/* The usual soft limit of 1024 descriptors is less than the connections that are allowed. */
+static void raise_descriptor_limit(const struct options *options)
+{
+	struct rlimit limit;
+	const rlim_t wanted = (rlim_t)options->max_connections + 256;
+	if (getrlimit(RLIMIT_NOFILE, &limit) || limit.rlim_cur >= wanted)
+		return;
+	limit.rlim_cur = limit.rlim_max < wanted ? limit.rlim_max : wanted;
+	if (setrlimit(RLIMIT_NOFILE, &limit) || limit.rlim_cur < wanted)
+		log_event(LEVEL_WARN, "few_descriptors", "limit=%llu wanted=%llu", (unsigned long long)limit.rlim_cur,
+			(unsigned long long)wanted);
 }
 
 static bool start(struct server *server, struct error *err)
@@ -166,6 +180,7 @@ int serve_command(int argc, char **argv)
 		return 0;
 	}
 	log_set_level(server.options.log_level);
+	raise_descriptor_limit(&server.options);
 	/* Encoded images come and go on several threads: large blocks go back to the system at once,
 	 * and few arenas keep the rest from spreading, so that resident memory stays flat for weeks. */
 	mallopt(M_ARENA_MAX, 2);

@@ -59,7 +59,6 @@ void service_submit(struct service *service, struct ticket *ticket, const struct
  * work is cancelled unless somebody else waits for it. */
 bool service_abandon(struct service *service, struct ticket *ticket);
 
-int service_retry_after_s(struct service *service);
 void service_gauges(struct service *service, struct metrics_gauges *gauges);
 
 /* Answers every ticket with OUTCOME_UNAVAILABLE and takes no more. */

@@ -20,7 +20,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-enum { RENDERER_FD = 3, METHODS_FD = 4, FIRST_BACKOFF_MS = 50, LAST_BACKOFF_MS = 10000, STABLE_MS = 30000, TICK_MS = 100 };
+enum {
+	RENDERER_FD = 3,
+	METHODS_FD = 4,
+	FIRST_BACKOFF_MS = 50,
+	LAST_BACKOFF_MS = 10000,
+	STABLE_MS = 30000,
+	TICK_MS = 100
+};
 
 struct supervisor {
 	struct supervisor_config config;
@@ -30,7 +37,7 @@ struct supervisor {
 	bool ready;
 	atomic_int pid;
 	int wake_fd;
-	atomic_bool stopping;
+	atomic_bool stopping, condemned;
 
 	/* The thread's own. */
 	int pid_fd;
@@ -108,6 +115,7 @@ static bool start_renderer(struct supervisor *s, struct error *err)
 	pthread_mutex_lock(&s->lock);
 	s->fd = pair[0];
 	s->ready = false;
+	s->condemned = false;
 	pthread_mutex_unlock(&s->lock);
 	log_event(LEVEL_INFO, "renderer_started", "pid=%d", (int)pid);
 	return true;
@@ -255,9 +263,10 @@ static void watch(struct supervisor *s)
 	double limit_s = s->ready ? s->config.watchdog_s : s->config.startup_s;
 	if (s->checking >= 0 && limit_s > 3 * s->config.watchdog_s) /* a compilation and small dispatches */
 		limit_s = 3 * s->config.watchdog_s;
-	if (silent_s > limit_s) {
+	const bool condemned = atomic_exchange(&s->condemned, false);
+	if (silent_s > limit_s || condemned) {
 		char reason[96];
-		snprintf(reason, sizeof reason, "silent for %.1f s", silent_s);
+		snprintf(reason, sizeof reason, condemned ? "a frame is long overdue" : "silent for %.1f s", silent_s);
 		lose_renderer(s, reason, 0);
 		return;
 	}
@@ -351,6 +360,11 @@ void supervisor_cancel(struct supervisor *s, uint64_t id)
 {
 	struct welkin_message message = { .type = WELKIN_MSG_CANCEL, .id = id };
 	send_locked(s, &message, -1);
+}
+
+void supervisor_condemn(struct supervisor *s)
+{
+	s->condemned = true;
 }
 
 pid_t supervisor_pid(struct supervisor *s)

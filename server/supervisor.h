@@ -17,7 +17,7 @@ struct supervisor_config {
 	const char *program; /* "": this binary */
 	const char *device, *shader_dir;
 	double slice_ms, table_mib;
-	int methods_fd; /* operator_methods_bundle(); stays the caller's; -1: no methods of the operator's */
+	int methods_fd;    /* operator_methods_bundle(); stays the caller's; -1: no methods of the operator's */
 	double watchdog_s; /* silence after which a renderer is killed */
 	double startup_s;  /* the same before it is ready */
 
@@ -27,7 +27,7 @@ struct supervisor_config {
 	/* Whatever it was sent will have no result. Not called for one that was lost while it checked an operator's
 	 * method: that method becomes unavailable, and the next renderer leaves it alone. */
 	void (*lost)(void *cls, const char *reason, bool was_ready);
-	void (*tick)(void *cls);                                     /* at least every 100 ms */
+	void (*tick)(void *cls); /* at least every 100 ms */
 	void *cls;
 };
 
@@ -36,6 +36,9 @@ struct supervisor *supervisor_start(const struct supervisor_config *config, stru
 /* From any thread. false when no renderer is there to take it. */
 bool supervisor_send_job(struct supervisor *supervisor, const struct welkin_job *job, int memfd);
 void supervisor_cancel(struct supervisor *supervisor, uint64_t id);
+
+/* Kills the renderer and starts another, as if it had been silent. From any thread. */
+void supervisor_condemn(struct supervisor *supervisor);
 
 pid_t supervisor_pid(struct supervisor *supervisor); /* 0 when none runs */
 

@@ -23,7 +23,7 @@ __attribute__((format(printf, 3, 4))) static void append(char *text, size_t size
 static void token(const char *name, char out[40])
 {
 	size_t i = 0;
-	for (; name[i] && i < 32; i++)
+	for (; i < 32 && name[i]; i++)
 		out[i] = (name[i] >= 'a' && name[i] <= 'z') || (name[i] >= 'A' && name[i] <= 'Z') ||
 					 (name[i] >= '0' && name[i] <= '9') || name[i] == '_' || name[i] == '.'
 				 ? name[i]

@@ -28,29 +28,44 @@ vec3 piece_sample(float h, float mu, Piece piece, vec2 n)
 	return density_at(altitude_at(h, mu, t)) * (n.y * jacobian);
 }
 
-/* Eight nodes a turn: llvmpipe ends an invocation's loops after 65,535 turns in all, without a word
- * (LP_MAX_TGSI_LOOP_ITERATIONS), which a march of 256 x 256 steps would reach. */
-vec3 piece_column(float h, float mu, Piece piece, ivec2 rule)
+/* A ray from (h, mu) to the top, in one piece or cut at its lowest point; nodes are counted
+ * through both. */
+struct Climb {
+	float h, mu, lowest, extent;
+	int first, half_way, count; /* nodes: first of the rule, of the falling piece, of all */
+};
+
+/* Nothing past the last node. */
+vec3 climb_sample(Climb climb, int i)
 {
-	vec3 sum = vec3(0.0);
-	int first = rule.x, end = rule.x + rule.y;
-	for (; first + 8 <= end; first += 8)
-		for (int i = 0; i < 8; i++)
-			sum += piece_sample(h, mu, piece, node[first + i]);
-	for (; first < end; first++)
-		sum += piece_sample(h, mu, piece, node[first]);
-	return sum;
+	bool down = i < climb.half_way;
+	int at = down ? i : i - climb.half_way;
+	Piece piece = Piece(down ? 0.0 : climb.lowest, down ? climb.lowest : climb.extent - climb.lowest, down);
+	vec2 n = i < climb.count ? node[climb.first + at] : vec2(0.0);
+	return piece_sample(climb.h, climb.mu, piece, n);
+}
+
+vec3 climb_four(Climb climb, int i)
+{
+	return climb_sample(climb, i) + climb_sample(climb, i + 1) + climb_sample(climb, i + 2) + climb_sample(climb, i + 3);
 }
 
 /* Column from (h, mu), inside the air, to its top, for a ray that misses the ground. rules: the
- * index of the rule for one piece; the one after it is for two. */
+ * index of the rule for one piece; the one after it is for two.
+ *
+ * llvmpipe ends an invocation's loops after 65,535 turns in all, without a word
+ * (LP_MAX_TGSI_LOOP_ITERATIONS), and counts the turns of all lanes that run together. 512 x 512
+ * steps fit in when a turn does sixteen nodes, written out (a loop would count unless the compiler
+ * unrolls it), and when rays of one and of two pieces share one loop. */
 vec3 column_to_top(float h, float mu, int rules)
 {
 	float extent = ray_top_distance(h, mu);
-	if (mu >= 0.0)
-		return piece_column(h, mu, Piece(0.0, extent, false), media.rule[rules].xy);
-	float lowest = min(-(media.planet_radius + h) * mu, extent);
-	ivec2 rule = media.rule[rules + 1].xy;
-	return piece_column(h, mu, Piece(0.0, lowest, true), rule) +
-	       piece_column(h, mu, Piece(lowest, extent - lowest, false), rule);
+	bool bent = mu < 0.0;
+	ivec2 rule = media.rule[rules + int(bent)].xy;
+	float lowest = bent ? min(-(media.planet_radius + h) * mu, extent) : 0.0;
+	Climb climb = Climb(h, mu, lowest, extent, rule.x, bent ? rule.y : 0, bent ? 2 * rule.y : rule.y);
+	vec3 sum = vec3(0.0);
+	for (int i = 0; i < climb.count; i += 16)
+		sum += climb_four(climb, i) + climb_four(climb, i + 4) + climb_four(climb, i + 8) + climb_four(climb, i + 12);
+	return sum;
 }

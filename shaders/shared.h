@@ -38,6 +38,14 @@ typedef unsigned int uint;
 #define UNIT_OPTICAL_DEPTH 0
 #define UNIT_MULTIPLE 1
 #define UNIT_SKY_VIEW 2
+#define UNIT_PRECOMPUTED 3
+
+/* Samples of the four-dimensional scattering table: the sun's angle, the view's zenith angle (above and below the
+ * horizon), the angle between their azimuths, altitude. */
+#define PRECOMPUTED_SUNS 48
+#define PRECOMPUTED_VIEWS 96
+#define PRECOMPUTED_AZIMUTHS 12
+#define PRECOMPUTED_ALTITUDES 20
 
 /* MediaBlock.rule: Gauss-Legendre on [0,1]. A view ray cut into k pieces uses RULE_VIEW + k - 1 on
  * each, so that its steps add up to atmosphere.steps; RULE_LIGHT likewise for atmosphere.light_steps

@@ -120,11 +120,10 @@ struct Scattered {
 	vec4 T;           /* transmittance to space; 0 where the ray meets the ground */
 };
 
-/* For a ray (view, mu) from the camera at altitude h. */
-Scattered scatter_along(vec3 view, vec3 vertical, float h, float mu)
+/* For a ray (view, mu) from altitude h; unit vectors in any common frame. */
+Scattered scatter_along(vec3 view, vec3 vertical, vec3 to_sun, float h, float mu)
 {
 	Scattered result = Scattered(vec4(0.0), vec4(0.0), vec4(0.0), vec4(1.0));
-	vec3 to_sun = frame.sun_direction.xyz;
 	float r = media.planet_radius + h, mu_s_camera = dot(vertical, to_sun);
 
 	ViewRay ray;
@@ -167,8 +166,10 @@ Scattered scatter_along(vec3 view, vec3 vertical, float h, float mu)
 		return result;
 	}
 	result.T = vec4(0.0);
+#ifndef WITH_MULTIPLE /* tables outlive a view that can't see the ground */
 	if ((frame.features & FEATURE_GROUND) == 0)
 		return result;
+#endif
 	float mu_s = ((media.planet_radius + ray.h) * ray.mu_s + ground * ray.nu) / media.planet_radius;
 	vec4 E = mu_s > 0.0 ? mu_s * exp(-DEPTH(sun_column(0.0, min(mu_s, 1.0)))) : vec4(0.0);
 #ifdef WITH_MULTIPLE

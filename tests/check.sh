@@ -42,6 +42,9 @@ export ASAN_OPTIONS=detect_leaks=1:abort_on_error=0 LSAN_OPTIONS=suppressions=te
 run_tests build-asan $(all_tests | grep -v -x -f tests/asan_skip.txt)
 unset ASAN_OPTIONS LSAN_OPTIONS
 
+step "deployment files"
+tests/deploy_check.sh build/welkin
+
 step "fuzz smoke"
 make --no-print-directory fuzz-smoke
 

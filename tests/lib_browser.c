@@ -1,176 +1,95 @@
 #include "tests/lib_browser.h"
+#include "tests/lib_http.h"
 
-#include <curl/curl.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
+#include <setjmp.h>
 #include <signal.h>
 #include <spawn.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 
 #include <cmocka.h>
 
 extern char **environ;
 
-static int64_t now_ms(void)
-{
-	struct timespec t;
-	clock_gettime(CLOCK_MONOTONIC, &t);
-	return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
-}
+/* ---- chromedriver ---- */
 
-static void sleep_ms(int ms)
+/* Reads until it has said where it listens; 0 when it ends or takes too long. */
+static int read_port(int fd, double seconds)
 {
-	nanosleep(&(struct timespec){ ms / 1000, ms % 1000 * 1000000L }, NULL);
-}
-
-/* ---- children ---- */
-
-static bool read_line(struct lib_child *child, const char *wanted, int timeout_ms)
-{
-	const int64_t end = now_ms() + timeout_ms;
+	static const char wanted[] = "started successfully on port ";
+	const double end = seconds_now() + seconds;
+	char text[4096];
 	size_t n = 0;
-	for (int64_t left; (left = end - now_ms()) > 0;) {
-		struct pollfd fd = { .fd = child->out_fd, .events = POLLIN };
-		char c;
-		if (poll(&fd, 1, (int)left) <= 0 || read(child->out_fd, &c, 1) != 1)
-			return false;
-		if (c != '\n' && n < sizeof child->line - 1)
-			child->line[n++] = c;
-		child->line[n] = 0;
-		if (c == '\n' && strstr(child->line, wanted))
-			return true;
-		if (c == '\n')
-			n = 0;
+	while (n + 1 < sizeof text && seconds_now() < end) {
+		struct pollfd p = { .fd = fd, .events = POLLIN };
+		if (poll(&p, 1, 100) <= 0)
+			continue;
+		if (read(fd, text + n, 1) != 1)
+			break;
+		text[++n] = 0;
+		const char *at = strstr(text, wanted);
+		if (at && text[n - 1] == '\n')
+			return atoi(at + sizeof wanted - 1);
 	}
-	return false;
+	return 0;
 }
 
-bool lib_child_start(struct lib_child *child, const char *const argv[], const char *wanted, int timeout_ms)
+static void start_driver(struct lib_browser *browser)
 {
+	const char *const argv[] = { "chromedriver", "--port=0", NULL };
 	int out[2];
 	posix_spawn_file_actions_t actions;
-	if (pipe2(out, O_CLOEXEC))
-		return false;
+	assert_int_equal(pipe2(out, O_CLOEXEC), 0);
 	posix_spawn_file_actions_init(&actions);
 	posix_spawn_file_actions_adddup2(&actions, out[1], STDOUT_FILENO);
-	const int status = posix_spawnp(&child->pid, argv[0], &actions, NULL, (char *const *)argv, environ);
+	const int status = posix_spawnp(&browser->driver, argv[0], &actions, NULL, (char *const *)argv, environ);
 	posix_spawn_file_actions_destroy(&actions);
 	close(out[1]);
-	child->out_fd = out[0];
-	if (status) {
-		close(out[0]);
-		return false;
-	}
-	if (read_line(child, wanted, timeout_ms))
-		return true;
-	lib_child_stop(child);
-	return false;
+	const int port = status ? 0 : read_port(out[0], 30);
+	close(out[0]);
+	if (!port)
+		fail_msg("chromedriver does not start");
+	snprintf(browser->base, sizeof browser->base, "http://127.0.0.1:%d/", port);
 }
 
-int lib_child_stop(struct lib_child *child)
+static void stop_driver(struct lib_browser *browser)
 {
-	int status = 0;
-	kill(child->pid, SIGTERM);
+	kill(browser->driver, SIGTERM);
 	for (int i = 0; i < 1000; i++) {
-		if (waitpid(child->pid, &status, WNOHANG) == child->pid) {
-			close(child->out_fd);
-			return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-		}
+		if (waitpid(browser->driver, NULL, WNOHANG) == browser->driver)
+			return;
 		sleep_ms(10);
 	}
-	kill(child->pid, SIGKILL);
-	waitpid(child->pid, &status, 0);
-	close(child->out_fd);
-	return -1;
-}
-
-/* ---- HTTP ---- */
-
-struct body {
-	char *data;
-	size_t size;
-};
-
-static bool append(struct body *body, const void *data, size_t size)
-{
-	char *bigger = realloc(body->data, body->size + size + 1);
-	if (!bigger)
-		return false;
-	body->data = bigger;
-	memcpy(body->data + body->size, data, size);
-	body->size += size;
-	body->data[body->size] = 0;
-	return true;
-}
-
-static size_t on_data(char *data, size_t one, size_t n, void *context)
-{
-	return append(context, data, one * n) ? one * n : 0;
-}
-
-/* text NULL: GET or, with a method, that. */
-static char *talk(const char *method, const char *url, const char *text, size_t *size, long *status)
-{
-	struct body body = { 0 };
-	CURL *curl = curl_easy_init();
-	struct curl_slist *headers = curl_slist_append(NULL, "Content-Type: application/json");
-	curl_easy_setopt(curl, CURLOPT_URL, url);
-	curl_easy_setopt(curl, CURLOPT_NOPROXY, "*");
-	curl_easy_setopt(curl, CURLOPT_TIMEOUT, 60L);
-	curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, on_data);
-	curl_easy_setopt(curl, CURLOPT_WRITEDATA, &body);
-	if (text) {
-		curl_easy_setopt(curl, CURLOPT_HTTPHEADER, headers);
-		curl_easy_setopt(curl, CURLOPT_POSTFIELDS, text);
-	}
-	if (method)
-		curl_easy_setopt(curl, CURLOPT_CUSTOMREQUEST, method);
-	const CURLcode code = curl_easy_perform(curl);
-	curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, status);
-	curl_slist_free_all(headers);
-	curl_easy_cleanup(curl);
-	if (code) {
-		free(body.data);
-		fail_msg("%s: %s", url, curl_easy_strerror(code));
-	}
-	*size = body.size;
-	return body.data ? body.data : calloc(1, 1);
-}
-
-char *lib_get(const char *url, size_t *size, long *status)
-{
-	return talk(NULL, url, NULL, size, status);
+	kill(browser->driver, SIGKILL);
+	waitpid(browser->driver, NULL, 0);
 }
 
 /* ---- WebDriver ---- */
 
-/* Sends a command and returns "value", the caller's. Takes arguments over. */
+/* Sends a command and returns "value", the caller's. Takes arguments over; NULL: DELETE. */
 static cJSON *command(struct lib_browser *browser, const char *path, cJSON *arguments)
 {
-	char url[1024];
-	size_t size;
-	long status;
-	snprintf(url, sizeof url, "%s%s", browser->session, path);
-	char *text = cJSON_PrintUnformatted(arguments);
-	char *answer = talk(NULL, url, text, &size, &status);
-	cJSON *json = cJSON_Parse(answer);
+	static const char *const json_type[] = { "Content-Type: application/json", NULL };
+	char full[512];
+	snprintf(full, sizeof full, "%s%s", browser->session, path);
+	char *text = arguments ? cJSON_PrintUnformatted(arguments) : NULL;
+	struct http_reply reply = ask(text ? "POST" : "DELETE", browser->base, full, json_type, text);
+	cJSON *json = cJSON_Parse(reply.body);
 	cJSON *value = cJSON_DetachItemFromObjectCaseSensitive(json, "value");
-	if (status != 200)
-		fail_msg("WebDriver %s: %ld %.600s", path, status, answer);
+	if (reply.status != 200)
+		fail_msg("WebDriver %s: %ld %.600s%s", path, reply.status, reply.body, reply.error);
 	cJSON_Delete(json);
 	cJSON_Delete(arguments);
-	free(answer);
+	reply_finish(&reply);
 	free(text);
 	return value;
 }
@@ -182,12 +101,9 @@ bool lib_browser_there(void)
 
 void lib_browser_start(struct lib_browser *browser, int width, int height, bool phone)
 {
-	const char *const argv[] = { "chromedriver", "--port=0", NULL };
 	char options[1024], device[256] = "";
-	if (!lib_child_start(&browser->driver, argv, "started successfully on port ", 30000))
-		fail_msg("chromedriver does not start");
-	const char *port = strstr(browser->driver.line, "on port ") + strlen("on port ");
-	snprintf(browser->session, sizeof browser->session, "http://127.0.0.1:%d/session", atoi(port));
+	start_driver(browser);
+	snprintf(browser->session, sizeof browser->session, "session");
 	if (phone)
 		snprintf(device, sizeof device,
 			",\"mobileEmulation\":{\"deviceMetrics\":{\"width\":%d,\"height\":%d,"
@@ -210,10 +126,8 @@ void lib_browser_start(struct lib_browser *browser, int width, int height, bool 
 
 void lib_browser_stop(struct lib_browser *browser)
 {
-	size_t size;
-	long status;
-	free(talk("DELETE", browser->session, NULL, &size, &status));
-	lib_child_stop(&browser->driver);
+	cJSON_Delete(command(browser, "", NULL));
+	stop_driver(browser);
 }
 
 void lib_browser_open(struct lib_browser *browser, const char *url)
@@ -254,7 +168,7 @@ char *lib_browser_text(struct lib_browser *browser, const char *script)
 void lib_browser_wait(struct lib_browser *browser, const char *expression, int timeout_ms)
 {
 	char script[2048];
-	const int64_t end = now_ms() + timeout_ms;
+	const double end = seconds_now() + timeout_ms / 1e3;
 	snprintf(script, sizeof script, "return Boolean(%s)", expression);
 	for (;;) {
 		cJSON *value = lib_browser_run(browser, script);
@@ -262,7 +176,7 @@ void lib_browser_wait(struct lib_browser *browser, const char *expression, int t
 		cJSON_Delete(value);
 		if (is_true)
 			return;
-		if (now_ms() > end)
+		if (seconds_now() > end)
 			fail_msg("in vain for %d ms: %s", timeout_ms, expression);
 		sleep_ms(50);
 	}
@@ -270,19 +184,21 @@ void lib_browser_wait(struct lib_browser *browser, const char *expression, int t
 
 char *lib_browser_errors(struct lib_browser *browser)
 {
-	struct body all = { 0 };
+	char *all = strdup("");
 	cJSON *entries = command(browser, "/se/log", cJSON_Parse("{\"type\":\"browser\"}"));
-	append(&all, "", 0);
 	for (cJSON *e = entries ? entries->child : NULL; e; e = e->next) {
-		char *message = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(e, "message"));
+		const char *message = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(e, "message"));
 		const char *level = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(e, "level"));
+		char *longer;
 		if (!message || !level || strcmp(level, "SEVERE") || strstr(message, "status of 4"))
 			continue;
-		append(&all, message, strlen(message));
-		append(&all, "\n", 1);
+		if (asprintf(&longer, "%s%s\n", all, message) < 0)
+			abort();
+		free(all);
+		all = longer;
 	}
 	cJSON_Delete(entries);
-	return all.data;
+	return all;
 }
 
 static int base64_value(char c)

@@ -5,24 +5,12 @@
 #include <stdbool.h>
 #include <sys/types.h>
 
-/* A program that says on stdout where it listens, and a headless Chromium driven through
- * chromedriver (the WebDriver protocol, JSON over HTTP). Failures end the test program's running
- * test with cmocka's fail_msg(). */
-
-struct lib_child {
-	pid_t pid;
-	int out_fd;
-	char line[512]; /* the line that was waited for */
-};
-
-/* Starts argv[0] (by PATH) and waits for a line of its stdout that contains `wanted`. */
-bool lib_child_start(struct lib_child *child, const char *const argv[], const char *wanted, int timeout_ms);
-/* SIGTERM, then SIGKILL after ten seconds; its exit status, -1 when a signal ended it. */
-int lib_child_stop(struct lib_child *child);
+/* A headless Chromium driven through chromedriver (the WebDriver protocol, JSON over HTTP). Failures end the
+ * running test with cmocka's fail_msg(). */
 
 struct lib_browser {
-	struct lib_child driver;
-	char session[512]; /* URL */
+	pid_t driver;
+	char base[64], session[256]; /* http://127.0.0.1:PORT/ and session/ID */
 };
 
 bool lib_browser_there(void);
@@ -42,8 +30,5 @@ void lib_browser_wait(struct lib_browser *browser, const char *expression, int t
 char *lib_browser_errors(struct lib_browser *browser);
 /* PNG of the whole page, also what is below the fold; whole false: of the window. */
 void lib_browser_screenshot(struct lib_browser *browser, const char *path, bool whole);
-
-/* What GET gives; malloc'd. */
-char *lib_get(const char *url, size_t *size, long *status);
 
 #endif

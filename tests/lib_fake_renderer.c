@@ -171,6 +171,9 @@ static _Noreturn void serve(int fd, const char *states)
 	}
 	if (mode && !strcmp(mode, "checks"))
 		die_checking(&fake, states);
+	if (mode && !strcmp(mode, "silent"))
+		for (;;)
+			pause();
 	strcpy(message.device.name, "fake renderer");
 	strcpy(message.device.vendor, "tests");
 	strcpy(message.device.version, "0.0");

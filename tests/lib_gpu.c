@@ -6,6 +6,7 @@
 
 #include <setjmp.h>
 #include <stdarg.h>
+
 #include <cmocka.h>
 
 struct workspace lib_gpu;
@@ -24,8 +25,9 @@ int lib_gpu_open(void **state)
 int lib_gpu_close(void **state)
 {
 	(void)state;
+	/* The device stays open: closing it unloads the driver, whose own leaks could then be told from ours no more.
+	 */
 	workspace_finish(&lib_gpu);
-	device_close(&device);
 	return 0;
 }
 

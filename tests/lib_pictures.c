@@ -1,17 +1,9 @@
 #include "tests/lib_pictures.h"
+#include "tests/lib_random.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-uint32_t lib_random(uint32_t *state)
-{
-	uint32_t x = *state ? *state : 0x9e3779b9u;
-	x ^= x << 13;
-	x ^= x >> 17;
-	x ^= x << 5;
-	return *state = x;
-}
 
 void lib_picture_request(struct welkin_request *request, int format, int width, int height)
 {
@@ -71,18 +63,18 @@ static float sky(int width, int height, int x, int y, int channel)
 }
 
 static float value_at(
-	const struct welkin_image *image, enum lib_picture kind, int x, int y, int channel, uint32_t *state)
+	const struct welkin_image *image, enum lib_picture kind, int x, int y, int channel, uint64_t *state)
 {
 	if (kind == LIB_SKY)
 		return sky(image->width, image->height, x, y, channel);
 	if (kind == LIB_NOISE)
-		return (float)(lib_random(state) >> 8) / 16777216.0f;
+		return (float)((uint32_t)random_bits(state) >> 8) / 16777216.0f;
 	if (kind == LIB_PATCHES)
 		return (float)((x / 37 * 7 + y / 11 * 5 + channel) % 4) / 3;
 	return 0;
 }
 
-static void store(const struct welkin_image *image, void *pixels, size_t i, float value, uint32_t *state, bool dither)
+static void store(const struct welkin_image *image, void *pixels, size_t i, float value, uint64_t *state, bool dither)
 {
 	if (image->format == WELKIN_EXR && image->exr_type == WELKIN_HALF) {
 		((uint16_t *)pixels)[i] = lib_half(value);
@@ -90,9 +82,10 @@ static void store(const struct welkin_image *image, void *pixels, size_t i, floa
 		((float *)pixels)[i] = value;
 	} else {
 		const float most = image->png_bits == 16 ? 65535 : 255;
-		const float noise =
-			dither ? (float)((int)(lib_random(state) & 0xffff) - (int)(lib_random(state) & 0xffff)) / 65536
-			       : 0;
+		const float noise = dither ? (float)((int)((uint32_t)random_bits(state) & 0xffff) -
+						     (int)((uint32_t)random_bits(state) & 0xffff)) /
+						     65536
+					   : 0;
 		const float level = fminf(most, fmaxf(0, floorf(value * most + noise + 0.5f)));
 		if (image->png_bits == 16)
 			((uint16_t *)pixels)[i] = (uint16_t)level;
@@ -106,7 +99,7 @@ void *lib_picture(const struct welkin_request *request, enum lib_picture kind, u
 	const struct welkin_image *image = &request->image;
 	const struct welkin_image_layout layout = welkin_image_layout(image);
 	unsigned char *data = calloc(1, layout.total ? layout.total : 1);
-	uint32_t state = seed;
+	uint64_t state = seed;
 	if (!data)
 		abort();
 	for (int y = 0; y < image->height; y++) {
@@ -122,7 +115,7 @@ void *lib_picture(const struct welkin_request *request, enum lib_picture kind, u
 	struct welkin_image plain = *image;
 	plain.layers = 0;
 	for (size_t byte = welkin_image_layout(&plain).total; byte < layout.total; byte += sizeof(float)) {
-		const float value = (float)(lib_random(&state) & 0xffff) / 64;
+		const float value = (float)((uint32_t)random_bits(&state) & 0xffff) / 64;
 		memcpy(data + byte, &value, sizeof value);
 	}
 	return data;

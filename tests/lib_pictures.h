@@ -5,9 +5,6 @@
 
 /* Pictures for the encoders, without a renderer. */
 
-/* xorshift: the same numbers on every run. */
-uint32_t lib_random(uint32_t *state);
-
 /* A request for an image of that size, everything else plausible. */
 void lib_picture_request(struct welkin_request *request, int format, int width, int height);
 

@@ -26,8 +26,10 @@ bool lib_render_start(struct lib_renderer *renderer, const struct welkin_rendere
 	renderer->pid = fork();
 	if (renderer->pid == 0) {
 		prctl(PR_SET_PDEATHSIG, SIGKILL);
-		close(pair[0]);
-		_exit(welkin_renderer_main(pair[1], config ? config : &quick));
+		/* our ends of other renderers' sockets must not stay open here, or those never see them close */
+		const int fd = dup2(pair[1], 3);
+		close_range(4, ~0U, 0);
+		_exit(welkin_renderer_main(fd, config ? config : &quick));
 	}
 	close(pair[1]);
 	renderer->fd = pair[0];
@@ -53,8 +55,8 @@ int lib_render_stop(struct lib_renderer *renderer)
 	return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-bool lib_render_await(struct lib_renderer *renderer, enum welkin_message_type type, int timeout_ms,
-	struct welkin_message *message)
+bool lib_render_await(
+	struct lib_renderer *renderer, enum welkin_message_type type, int timeout_ms, struct welkin_message *message)
 {
 	const double end = clock_ms() + timeout_ms;
 	for (double left; (left = end - clock_ms()) > 0;) {
@@ -95,8 +97,8 @@ int lib_render_send(struct lib_renderer *renderer, struct welkin_job *job, const
 	if (memfd < 0)
 		return -1;
 	if (ftruncate(memfd, (off_t)welkin_job_bytes(job)) != 0 ||
-	    pwrite(memfd, input, input_size, 0) != (ssize_t)input_size ||
-	    !welkin_send(renderer->fd, &message, memfd, NULL)) {
+		pwrite(memfd, input, input_size, 0) != (ssize_t)input_size ||
+		!welkin_send(renderer->fd, &message, memfd, NULL)) {
 		close(memfd);
 		return -1;
 	}
@@ -118,8 +120,8 @@ void *lib_render_read(int memfd, size_t size)
 	return data;
 }
 
-static bool run(struct lib_renderer *renderer, struct welkin_job *job, const void *input, size_t input_size, void **data,
-	struct welkin_result *result)
+static bool run(struct lib_renderer *renderer, struct welkin_job *job, const void *input, size_t input_size,
+	void **data, struct welkin_result *result)
 {
 	struct welkin_message message;
 	*data = NULL;
@@ -149,8 +151,7 @@ bool lib_render(struct lib_renderer *renderer, const struct welkin_request *requ
 }
 
 bool lib_radiance(struct lib_renderer *renderer, const struct welkin_request *request, const double (*directions)[3],
-	int n_directions, const double *wavelengths_nm, int n_wavelengths, double **reply,
-	struct welkin_result *result)
+	int n_directions, const double *wavelengths_nm, int n_wavelengths, double **reply, struct welkin_result *result)
 {
 	struct welkin_job job = { .kind = WELKIN_JOB_RADIANCE,
 		.request = *request,

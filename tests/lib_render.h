@@ -37,8 +37,8 @@ bool lib_radiance(struct lib_renderer *renderer, const struct welkin_request *re
 int lib_render_send(struct lib_renderer *renderer, struct welkin_job *job, const void *input, size_t input_size);
 bool lib_render_tell(struct lib_renderer *renderer, enum welkin_message_type type, uint64_t id);
 /* The next message of that type within timeout_ms; others are dropped. */
-bool lib_render_await(struct lib_renderer *renderer, enum welkin_message_type type, int timeout_ms,
-	struct welkin_message *message);
+bool lib_render_await(
+	struct lib_renderer *renderer, enum welkin_message_type type, int timeout_ms, struct welkin_message *message);
 /* Reads a memfd from its start, malloc'd. */
 void *lib_render_read(int memfd, size_t size);
 

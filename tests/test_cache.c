@@ -1,14 +1,14 @@
 /* The cache: budget, order of eviction, references, and who leads a render in progress. */
 #include "server/cache.h"
 
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 
 static int released;
 

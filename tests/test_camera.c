@@ -13,6 +13,7 @@
 
 #include <setjmp.h>
 #include <stdarg.h>
+
 #include <cmocka.h>
 
 static double radians(double degrees)
@@ -103,7 +104,8 @@ static bool expected(const struct welkin_request *r, int column, int row, double
 		return true;
 	}
 	case WELKIN_FISHEYE: {
-		const double px = right * w / h, radius = hypot(px, up), angle = radius * radians(r->camera.fov_deg) / 2;
+		const double px = right * w / h, radius = hypot(px, up),
+			     angle = radius * radians(r->camera.fov_deg) / 2;
 		direction(&a, sin(angle) * px / radius, sin(angle) * up / radius, cos(angle), out);
 		return radius <= 1;
 	}
@@ -161,9 +163,10 @@ static void rays_agree(void **state)
 {
 	(void)state;
 	for (int specialised = 0; specialised < 2; specialised++) {
-		struct welkin_request list[] = { view(WELKIN_PERSPECTIVE, 97, 41, 60), view(WELKIN_PERSPECTIVE, 33, 64, 150),
-			view(WELKIN_PERSPECTIVE, 31, 31, 1), view(WELKIN_EQUIRECTANGULAR, 128, 64, 60),
-			view(WELKIN_FISHEYE, 64, 64, 180), view(WELKIN_FISHEYE, 80, 64, 360), view(WELKIN_CUBEMAP, 64, 48, 60) };
+		struct welkin_request list[] = { view(WELKIN_PERSPECTIVE, 97, 41, 60),
+			view(WELKIN_PERSPECTIVE, 33, 64, 150), view(WELKIN_PERSPECTIVE, 31, 31, 1),
+			view(WELKIN_EQUIRECTANGULAR, 128, 64, 60), view(WELKIN_FISHEYE, 64, 64, 180),
+			view(WELKIN_FISHEYE, 80, 64, 360), view(WELKIN_CUBEMAP, 64, 48, 60) };
 		for (size_t i = 0; i < sizeof list / sizeof list[0]; i++)
 			check_rays(&list[i], specialised);
 		for (int face = WELKIN_FRONT; face <= WELKIN_DOWN; face++) {
@@ -282,15 +285,16 @@ static void disk_keeps_its_flux(void **state)
 		for (size_t k = 0; k < sizeof radii_deg / sizeof radii_deg[0]; k++)
 			for (int place = 0; place < 7; place++) {
 				const bool cross = projections[p] == WELKIN_CUBEMAP;
-				struct welkin_request r = view(projections[p], cross ? 256 : 160, cross ? 192 : 120, 120);
+				struct welkin_request r =
+					view(projections[p], cross ? 256 : 160, cross ? 192 : 120, 120);
 				r.sun.angular_radius_deg = radii_deg[k];
 				r.sun.elevation_deg = 37 + 3.17 * place;
 				r.sun.azimuth_deg = 201 + 1.83 * place;
 				const double flux = disk_flux(&r);
 				/* pixels much larger than the disk are measured at their centre only */
 				if (fabs(flux - 1) > 0.01)
-					fail_msg("projection %d, radius %g, place %d: %g", projections[p], radii_deg[k], place,
-						flux);
+					fail_msg("projection %d, radius %g, place %d: %g", projections[p], radii_deg[k],
+						place, flux);
 			}
 }
 
@@ -301,14 +305,16 @@ static void disk_at_seams(void **state)
 	static const double places[][2] = { { 0, 180 }, { 89.9, 0 }, { -90, 0 }, { 0, 45 }, { 45, 0 }, { 35.26, 45 } };
 	for (size_t i = 0; i < sizeof places / sizeof places[0]; i++)
 		for (int cross = 0; cross < 2; cross++) {
-			struct welkin_request r = view(cross ? WELKIN_CUBEMAP : WELKIN_EQUIRECTANGULAR, 256, cross ? 192 : 128, 60);
+			struct welkin_request r =
+				view(cross ? WELKIN_CUBEMAP : WELKIN_EQUIRECTANGULAR, 256, cross ? 192 : 128, 60);
 			r.camera.heading_deg = r.camera.pitch_deg = r.camera.roll_deg = 0;
 			r.sun.elevation_deg = places[i][0];
 			r.sun.azimuth_deg = places[i][1];
 			r.sun.angular_radius_deg = 4;
 			const double flux = disk_flux(&r);
 			if (fabs(flux - 1) > 0.03)
-				fail_msg("%s, sun at %g %g: %g", cross ? "cross" : "panorama", places[i][0], places[i][1], flux);
+				fail_msg("%s, sun at %g %g: %g", cross ? "cross" : "panorama", places[i][0],
+					places[i][1], flux);
 		}
 }
 

@@ -3,16 +3,17 @@
 #include "tests/lib_fake_renderer.h"
 #include "tests/lib_http.h"
 
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <cmocka.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 
 static struct daemon_process *server;
 
@@ -194,6 +195,29 @@ static void long_targets_get_an_answer(void **state)
 		free(reply);
 		free(request);
 	}
+}
+
+/* More than the usual limit of descriptors; the daemon raises its own. */
+static void a_thousand_idle_connections_are_carried(void **state)
+{
+	enum { MANY = 1010 };
+	int *fds = calloc(MANY, sizeof *fds);
+	struct rlimit limit;
+	(void)state;
+	assert_int_equal(getrlimit(RLIMIT_NOFILE, &limit), 0);
+	if (limit.rlim_max < MANY + 300)
+		skip();
+	limit.rlim_cur = limit.rlim_max;
+	assert_int_equal(setrlimit(RLIMIT_NOFILE, &limit), 0);
+	for (int i = 0; i < MANY; i++)
+		fds[i] = raw_connect(server->port);
+	assert_true(metric_wait(server, "welkin_http_connections", MANY, 1) >= MANY);
+	struct http_reply r = get(server->url, "/version");
+	assert_int_equal(r.status, 200);
+	reply_finish(&r);
+	for (int i = 0; i < MANY; i++)
+		close(fds[i]);
+	free(fds);
 }
 
 static void many_headers_get_an_answer(void **state)
@@ -419,6 +443,7 @@ int main(int argc, char **argv)
 		ATTACK(many_arguments_get_an_answer),
 		ATTACK(long_targets_get_an_answer),
 		ATTACK(many_headers_get_an_answer),
+		ATTACK(a_thousand_idle_connections_are_carried),
 		ATTACK(large_bodies_are_refused),
 		ATTACK(expect_continue_works),
 		ATTACK(garbage_is_refused),

@@ -2,6 +2,9 @@
 #include "tests/lib_fake_renderer.h"
 #include "tests/lib_http.h"
 
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,9 +12,6 @@
 #include <unistd.h>
 
 #include <cmocka.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 
 static struct daemon_process *server;
 

@@ -2,15 +2,15 @@
 #include "server/options.h"
 #include "tests/lib_http.h"
 
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include <cmocka.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 
 static struct error err;
 
@@ -93,6 +93,7 @@ static void mistakes_are_named(void **state)
 	refuse("--queue=3x", NULL, "not a number");
 	refuse("--queue=", NULL, "not a number");
 	refuse("serve", NULL, "unexpected argument");
+	refuse("--device=gpu", NULL, "not auto, software or a number");
 	refuse("--log-level=loud", NULL, "not error, warn");
 	refuse("--config", "/nonexistent/welkin.conf", "/nonexistent/welkin.conf");
 	char longer[200];

@@ -13,6 +13,7 @@
 
 #include <setjmp.h>
 #include <stdarg.h>
+
 #include <cmocka.h>
 
 enum { WIDTH = 256, HEIGHT = 64, PIXELS = WIDTH * HEIGHT };
@@ -64,8 +65,8 @@ static float *pixel(struct buffer *buffer, int i)
 static uint32_t run(const int planes[3])
 {
 	char choices[64];
-	snprintf(choices, sizeof choices, "FORMAT=%d TONE=%d LAYERS=%d", scene.frame.output_format, scene.frame.tone_map,
-		planes != NULL);
+	snprintf(choices, sizeof choices, "FORMAT=%d TONE=%d LAYERS=%d", scene.frame.output_format,
+		scene.frame.tone_map, planes != NULL);
 	struct pass pass = { .name = "output",
 		.program = lib_gpu_program("output.comp", choices),
 		.tile = { 0, 0, WIDTH, HEIGHT },
@@ -194,8 +195,8 @@ static void tone_maps_agree(void **state)
 			for (int k = 0; k < 3; k++) {
 				const double encoded = 65535 * srgb(clamp01(want[k]));
 				if (fabs(encoded - out_word(i, k)) > 4)
-					fail_msg("tone map %d of %g %g %g, channel %d: %d, should be %g", tone, exposed[0],
-						exposed[1], exposed[2], k, out_word(i, k), encoded);
+					fail_msg("tone map %d of %g %g %g, channel %d: %d, should be %g", tone,
+						exposed[0], exposed[1], exposed[2], k, out_word(i, k), encoded);
 			}
 			assert_int_equal(out_word(i, 3), 65535);
 		}
@@ -214,8 +215,8 @@ static void tone_maps_rise(void **state)
 		run(NULL);
 		for (int i = 1; i < PIXELS; i++)
 			if (out_word(i, 1) < out_word(i - 1, 1) - 1) /* one step of 65535 is rounding */
-				fail_msg("tone map %d falls from %d to %d at %g", tone, out_word(i - 1, 1), out_word(i, 1),
-					(double)pixel(&radiance, i)[1]);
+				fail_msg("tone map %d falls from %d to %d at %g", tone, out_word(i - 1, 1),
+					out_word(i, 1), (double)pixel(&radiance, i)[1]);
 		assert_true(out_word(0, 1) <= 200 && out_word(PIXELS - 1, 1) >= 65535 - 700);
 	}
 }
@@ -457,7 +458,8 @@ static void exposures_metered(void **state)
 static void meter_sizes(void **state)
 {
 	(void)state;
-	static const int sizes[][2] = { { 1, 1 }, { 16384, 1 }, { 1, 16384 }, { 64, 32 }, { 1280, 720 }, { 16384, 16384 } };
+	static const int sizes[][2] = { { 1, 1 }, { 16384, 1 }, { 1, 16384 }, { 64, 32 }, { 1280, 720 },
+		{ 16384, 16384 } };
 	for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
 		struct FrameBlock frame = { .width = sizes[i][0], .height = sizes[i][1] };
 		int width, height;

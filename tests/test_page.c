@@ -1,5 +1,6 @@
 /* The web page in a real browser, at the size of a desktop and of a phone, against a real daemon. */
 #include "tests/lib_browser.h"
+#include "tests/lib_http.h"
 
 #include <libgen.h>
 #include <limits.h>
@@ -16,8 +17,8 @@
 
 #include <cmocka.h>
 
-static struct lib_child daemon_child;
-static char page[256], screenshots[PATH_MAX];
+static const char *page; /* its URL */
+static char screenshots[PATH_MAX];
 static struct lib_browser browser;
 
 #define SHOWN "document.getElementById('frame').dataset.shown === 'full' && !document.querySelector('.busy')"
@@ -113,13 +114,9 @@ static void test_first_picture(void **state)
 static void test_every_field_has_a_labelled_control(void **state)
 {
 	(void)state;
-	char url[300];
-	size_t size;
-	long status;
-	snprintf(url, sizeof url, "%sopenapi.json", page);
-	char *document = lib_get(url, &size, &status);
-	assert_int_equal(status, 200);
-	cJSON *api = cJSON_Parse(document);
+	struct http_reply document = get(page, "openapi.json");
+	assert_int_equal(document.status, 200);
+	cJSON *api = cJSON_Parse(document.body);
 	const cJSON *parameters = cJSON_GetObjectItem(cJSON_GetObjectItem(api, "components"), "parameters");
 	int fields = 0;
 	for (const cJSON *p = parameters->child; p; p = p->next) {
@@ -133,7 +130,7 @@ static void test_every_field_has_a_labelled_control(void **state)
 			fail_msg("%s has no control", p->string);
 	}
 	cJSON_Delete(api);
-	free(document);
+	reply_finish(&document);
 	assert_true(fields > 30);
 	assert_true(number("return document.querySelectorAll('[data-field]').length") == fields);
 	assert_true(number("return [...document.querySelectorAll('input, select, button')].filter(e => "
@@ -151,10 +148,10 @@ static void test_a_field_changes_picture_and_address(void **state)
 	char *url = text("return document.getElementById('url').value");
 	assert_non_null(strstr(url, "/v1/render.png?sun.elevation_deg=5"));
 	/* What the page shows is what that address gives. */
-	size_t size;
-	long status;
-	char *picture = lib_get(url, &size, &status);
-	assert_int_equal(status, 200);
+	struct http_reply picture = ask("GET", url, "", NULL, NULL);
+	assert_int_equal(picture.status, 200);
+	assert_true(picture.size > 8 && !memcmp(picture.body, "\x89PNG", 4));
+	reply_finish(&picture);
 	cJSON_Delete(lib_browser_run(&browser,
 		"const shown = document.getElementById('picture'), other = new Image();"
 		"const pixels = image => { const c = new OffscreenCanvas(1280, 720).getContext('2d'); "
@@ -166,8 +163,6 @@ static void test_a_field_changes_picture_and_address(void **state)
 	lib_browser_wait(&browser, "window.colours > 0", 5000);
 	assert_true(number("return window.differing") == 0);
 	assert_true(number("return window.colours") > 1000);
-	assert_true(size > 8 && !memcmp(picture, "\x89PNG", 4));
-	free(picture);
 	free(url);
 
 	/* The slider of the same field, and back to nothing. */
@@ -270,13 +265,6 @@ static void test_phone(void **state)
 
 /* ---- set-up ---- */
 
-static int start_desktop(void **state)
-{
-	(void)state;
-	lib_browser_start(&browser, 1400, 950, false);
-	return 0;
-}
-
 static int start_phone(void **state)
 {
 	(void)state;
@@ -291,20 +279,21 @@ static int stop_browser(void **state)
 	return 0;
 }
 
-static bool start_daemon(const char *self)
+static void find_screenshots(const char *self)
 {
-	char own[PATH_MAX], binary[PATH_MAX + 16];
+	char own[PATH_MAX];
 	snprintf(own, sizeof own, "%s", self);
-	const char *folder = dirname(own);
-	snprintf(binary, sizeof binary, "%s/../welkin", folder);
-	snprintf(screenshots, sizeof screenshots, "%.4000s/../screenshots", folder);
+	snprintf(screenshots, sizeof screenshots, "%.4000s/../screenshots", dirname(own));
 	mkdir(screenshots, 0777);
-	const char *given = getenv("WELKIN_BIN");
-	const char *const argv[] = { given ? given : binary, "serve", "--listen", "127.0.0.1:0", "--admin",
-		"127.0.0.1:0", "--device", "software", "--log-level", "warn", NULL };
-	if (!lib_child_start(&daemon_child, argv, "ready: http", 60000))
-		return false;
-	return sscanf(strstr(daemon_child.line, "http"), "%255s", page) == 1;
+}
+
+static int start_desktop(void **state)
+{
+	(void)state;
+	static const char *const software[] = { "--device", "software", NULL };
+	page = daemon_start(false, software)->url;
+	lib_browser_start(&browser, 1400, 950, false);
+	return 0;
 }
 
 int main(int argc, char **argv)
@@ -323,14 +312,7 @@ int main(int argc, char **argv)
 		fprintf(stderr, "test_page: chromium and chromium-driver are not installed\n");
 		return 1;
 	}
-	if (!start_daemon(argv[0])) {
-		fprintf(stderr, "test_page: the daemon does not start\n");
-		return 1;
-	}
-	int failed = cmocka_run_group_tests(desktop, start_desktop, stop_browser);
-	failed += cmocka_run_group_tests(phone, start_phone, stop_browser);
-	const int status = lib_child_stop(&daemon_child);
-	if (status)
-		fprintf(stderr, "test_page: the daemon ended with status %d\n", status);
-	return failed || status;
+	find_screenshots(argv[0]);
+	const int failed = cmocka_run_group_tests(desktop, start_desktop, stop_browser);
+	return failed + cmocka_run_group_tests(phone, start_phone, stop_browser);
 }

@@ -11,6 +11,7 @@
 
 #include <setjmp.h>
 #include <stdarg.h>
+
 #include <cmocka.h>
 
 static struct lib_renderer renderer;
@@ -165,7 +166,8 @@ static void nothing_visible_is_left_out(void **state)
 		const struct FrameBlock *f = &scene.frame;
 		bool sees_sun = false, sees_ground = false;
 		for (int k = 0; k < GRID * GRID; k++) {
-			const double x = (2.0 * (k % GRID) / (GRID - 1) - 1) * f->width / f->height, y = 2.0 * (k / GRID) / (GRID - 1) - 1;
+			const double x = (2.0 * (k % GRID) / (GRID - 1) - 1) * f->width / f->height,
+				     y = 2.0 * (k / GRID) / (GRID - 1) - 1;
 			double a = x * (double)f->tan_half_fov, b = y * (double)f->tan_half_fov, c = 1, up = 0, sun = 0;
 			if (r.image.projection == WELKIN_FISHEYE) {
 				const double radius = hypot(x, y), theta = radius * (double)f->fov / 2;

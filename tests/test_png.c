@@ -1,6 +1,7 @@
 /* PNG: what libpng reads back is what went in, whatever the size, depth and content. */
 #include "server/deflate.h"
 #include "tests/lib_pictures.h"
+#include "tests/lib_random.h"
 
 #include <png.h>
 #include <stdio.h>
@@ -143,14 +144,15 @@ static void round_trip(int width, int height, int bits, enum lib_picture kind)
 static void test_sizes(void **state)
 {
 	(void)state;
-	uint32_t random = 7;
+	uint64_t random = 7;
 	for (int kind = LIB_SKY; kind <= LIB_PATCHES; kind++) {
 		for (int bits = 8; bits <= 16; bits += 8) {
 			for (int width = 1; width <= 24; width++)
-				round_trip(width, 1 + (int)(lib_random(&random) % 24), bits, (enum lib_picture)kind);
+				round_trip(width, 1 + (int)((uint32_t)random_bits(&random) % 24), bits,
+					(enum lib_picture)kind);
 			for (int i = 0; i < 8; i++)
-				round_trip(1 + (int)(lib_random(&random) % 700), 1 + (int)(lib_random(&random) % 300),
-					bits, (enum lib_picture)kind);
+				round_trip(1 + (int)((uint32_t)random_bits(&random) % 700),
+					1 + (int)((uint32_t)random_bits(&random) % 300), bits, (enum lib_picture)kind);
 			round_trip(1, 16384, bits, (enum lib_picture)kind);
 			round_trip(16384, 1, bits, (enum lib_picture)kind);
 		}
@@ -334,15 +336,16 @@ static void test_deflate_few_symbols(void **state)
 static void test_deflate_random(void **state)
 {
 	(void)state;
-	uint32_t random = 99;
+	uint64_t random = 99;
 	for (int round = 0; round < 400; round++) {
-		const size_t n = lib_random(&random) % (round % 40 ? 3000 : 400000);
-		const uint32_t mask = (1u << lib_random(&random) % 9) - 1, rarity = lib_random(&random) % 7;
+		const size_t n = (uint32_t)random_bits(&random) % (round % 40 ? 3000 : 400000);
+		const uint32_t mask = (1u << (uint32_t)random_bits(&random) % 9) - 1,
+			       rarity = (uint32_t)random_bits(&random) % 7;
 		unsigned char *data = malloc(n + 1);
 		for (size_t i = 0; i < n; i++)
-			data[i] = (lib_random(&random) & ((1u << rarity) - 1))
+			data[i] = ((uint32_t)random_bits(&random) & ((1u << rarity) - 1))
 					  ? 0
-					  : (unsigned char)(lib_random(&random) & mask);
+					  : (unsigned char)((uint32_t)random_bits(&random) & mask);
 		inflate_back(data, n);
 		free(data);
 	}

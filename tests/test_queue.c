@@ -1,12 +1,12 @@
 /* The queue: who goes first, how much is handed out, what it says about waiting. */
 #include "server/queue.h"
 
-#include <stddef.h>
-
-#include <cmocka.h>
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stddef.h>
 #include <stdint.h>
+
+#include <cmocka.h>
 
 enum { MANY = 64 };
 

@@ -1,9 +1,9 @@
 /* `welkin render` as a person or a job array calls it: files, faults, exit statuses, and the same bytes
  * as over HTTP. */
-#include "tests/lib_browser.h"
+#include "tests/lib_http.h"
 
+#include <cjson/cJSON.h>
 #include <dirent.h>
-#include <libgen.h>
 #include <limits.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -140,32 +140,27 @@ static void test_ways_to_ask(void **state)
 static void test_same_bytes_as_over_http(void **state)
 {
 	(void)state;
-	struct lib_child server;
-	const char *const argv[] = { binary, "serve", "--listen", "127.0.0.1:0", "--admin", "127.0.0.1:0", "--device",
-		"software", "--log-level", "warn", NULL };
-	assert_true(lib_child_start(&server, argv, "ready: http", 60000));
-	char base[256], url[600];
-	assert_int_equal(sscanf(strstr(server.line, "http"), "%255s", base), 1);
+	static const char *const software[] = { "--device", "software", NULL };
+	struct daemon_process *server = daemon_start(false, software);
 	for (int exr = 0; exr < 2; exr++) {
-		size_t n, m;
-		long status;
+		size_t n;
 		const char *name = exr ? "same.exr" : "same.png";
-		char line[300];
+		char line[300], path[300];
 		snprintf(line, sizeof line,
 			"-o %s image.width=64 image.height=48 sun.elevation_deg=3 camera.altitude_m=9000", name);
 		run_well(line);
 		char *file = contents(name, &n);
-		snprintf(url, sizeof url,
-			"%sv1/render.%s?camera.altitude_m=9000&image.height=48&image.width=64&sun.elevation_deg=3",
-			base, exr ? "exr" : "png");
-		char *reply = lib_get(url, &m, &status);
-		assert_int_equal(status, 200);
-		assert_int_equal(n, m);
-		assert_memory_equal(file, reply, n);
-		free(reply);
+		snprintf(path, sizeof path,
+			"v1/render.%s?camera.altitude_m=9000&image.height=48&image.width=64&sun.elevation_deg=3",
+			name + 5);
+		struct http_reply reply = get(server->url, path);
+		assert_int_equal(reply.status, 200);
+		assert_int_equal(n, reply.size);
+		assert_memory_equal(file, reply.body, n);
+		reply_finish(&reply);
 		free(file);
 	}
-	assert_int_equal(lib_child_stop(&server), 0);
+	daemon_stop(server);
 }
 
 static cJSON *json_file(const char *name)
@@ -307,9 +302,8 @@ static int finish(void **state)
 	return system(line);
 }
 
-int main(int argc, char **argv)
+int main(void)
 {
-	(void)argc;
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(test_png_and_exr),
 		cmocka_unit_test(test_ways_to_ask),
@@ -321,12 +315,8 @@ int main(int argc, char **argv)
 		cmocka_unit_test(test_help_lists_every_field),
 		cmocka_unit_test(test_rights),
 	};
-	char own[PATH_MAX], beside[PATH_MAX + 16];
-	snprintf(own, sizeof own, "%s", argv[0]);
-	snprintf(beside, sizeof beside, "%s/../welkin", dirname(own));
-	const char *given = getenv("WELKIN_BIN");
-	if (!realpath(given ? given : beside, binary)) {
-		fprintf(stderr, "test_render_command: no %s\n", given ? given : beside);
+	if (!realpath(daemon_binary(), binary)) {
+		fprintf(stderr, "test_render_command: no %s\n", daemon_binary());
 		return 1;
 	}
 	if (!mkdtemp(folder))

@@ -14,6 +14,7 @@
 
 #include <setjmp.h>
 #include <stdarg.h>
+
 #include <cmocka.h>
 
 struct member {
@@ -21,8 +22,14 @@ struct member {
 	size_t offset;
 };
 
-#define M(block, member) { #block "." #member, offsetof(struct block, member) }
-#define A(block, member) { #block "." #member "[0]", offsetof(struct block, member) }
+#define M(block, member)                                                                                               \
+	{                                                                                                              \
+#block "." #member, offsetof(struct block, member)                                                     \
+	}
+#define A(block, member)                                                                                               \
+	{                                                                                                              \
+#block "." #member "[0]", offsetof(struct block, member)                                               \
+	}
 
 static const struct member frame_members[] = { M(FrameBlock, camera_right), M(FrameBlock, camera_up),
 	M(FrameBlock, camera_forward), M(FrameBlock, vertical), M(FrameBlock, sun_direction), M(FrameBlock, width),
@@ -35,12 +42,13 @@ static const struct member frame_members[] = { M(FrameBlock, camera_right), M(Fr
 static const struct member media_members[] = { M(MediaBlock, planet_radius), M(MediaBlock, top),
 	M(MediaBlock, rayleigh_scale_height), M(MediaBlock, aerosol_scale_height), M(MediaBlock, ozone_center),
 	M(MediaBlock, ozone_half_width), M(MediaBlock, aerosol_g), M(MediaBlock, aerosol_phase), M(MediaBlock, steps),
-	M(MediaBlock, light_steps), M(MediaBlock, turbidity), M(MediaBlock, sun_intensity), A(MediaBlock, rule), { 0 } };
+	M(MediaBlock, light_steps), M(MediaBlock, turbidity), M(MediaBlock, sun_intensity),
+	M(MediaBlock, aerosol_moments), A(MediaBlock, rule), { 0 } };
 
 static const struct member bands_members[] = { M(BandsBlock, wavelength), M(BandsBlock, sun_irradiance),
 	M(BandsBlock, rayleigh), M(BandsBlock, aerosol_scattering), M(BandsBlock, aerosol_extinction),
-	M(BandsBlock, ozone), M(BandsBlock, ground_albedo), A(BandsBlock, daylight), M(BandsBlock, daylight_luminance),
-	A(BandsBlock, to_rgb), { 0 } };
+	M(BandsBlock, aerosol_scaled_extinction), M(BandsBlock, ozone), M(BandsBlock, ground_albedo),
+	A(BandsBlock, daylight), M(BandsBlock, daylight_luminance), A(BandsBlock, to_rgb), { 0 } };
 
 static GLint resource(GLuint program, GLenum interface, const char *name, GLenum property)
 {
@@ -127,8 +135,9 @@ static void shaders_from_a_directory(void **state)
 	assert_non_null(mkdtemp(dir));
 	write_file(dir, "good.glsl", "float one() { return 1.0; }\n");
 	write_file(dir, "broken.glsl", "#include \"good.glsl\"\n\nfloat two() { return three; }\n");
-	write_file(dir, "good.comp", "#include \"good.glsl\"\n#include \"good.glsl\"\nlayout(local_size_x = 8) in;\n"
-				     "void main() {}\n");
+	write_file(dir, "good.comp",
+		"#include \"good.glsl\"\n#include \"good.glsl\"\nlayout(local_size_x = 8) in;\n"
+		"void main() {}\n");
 	write_file(dir, "bad.comp", "#include \"broken.glsl\"\nlayout(local_size_x = 8) in;\nvoid main() {}\n");
 	write_file(dir, "lost.comp", "#include \"nowhere.glsl\"\nvoid main() {}\n");
 	struct programs *programs = programs_create(dir);

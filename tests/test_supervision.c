@@ -3,18 +3,19 @@
 #include "tests/lib_http.h"
 
 #include <pthread.h>
+#include <setjmp.h>
 #include <signal.h>
+#include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cmocka.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
 
 enum { CLIENTS = 4 };
 
@@ -173,8 +174,8 @@ static void deadlines_end_in_504(void **state)
 {
 	char path[160];
 	(void)state;
-	struct daemon_process *server =
-		daemon_start(true, (const char *const[]){ "--deadline-s", "0.5", "--in-flight", "1", NULL });
+	struct daemon_process *server = daemon_start(
+		true, (const char *const[]){ "--deadline-s", "0.5", "--in-flight", "1", "--watchdog-s", "0.5", NULL });
 	/* Neither finished nor cancelled by the renderer: the server must not believe in it for ever. */
 	struct client ignoring, queued;
 	snprintf(path, sizeof path, "image.width=16&image.height=8&seed=%d", FAKE_IGNORE);
@@ -188,6 +189,9 @@ static void deadlines_end_in_504(void **state)
 	assert_true(ignoring.reply.seconds < 2);
 	reply_finish(&ignoring.reply);
 	reply_finish(&queued.reply);
+	/* It pongs, so it is not silent; but what holds its slot for ever has to go. */
+	assert_true(metric_wait(server, "welkin_renderer_restarts_total", 1, 5) == 1);
+	expect_served(server, 3);
 	daemon_stop(server);
 }
 
@@ -297,6 +301,125 @@ static void sigterm_finishes_what_is_in_flight(void **state)
 	assert_int_equal(kill(renderer, 0), -1); /* gone with it */
 }
 
+struct storm {
+	pthread_t thread;
+	const struct daemon_process *server;
+	uint32_t random;
+	double end;
+	int odd; /* replies that should not be */
+};
+
+/* Requests of every kind, half of them given up on the way. */
+static void *run_storm(void *cls)
+{
+	struct storm *s = cls;
+	while (seconds_now() < s->end) {
+		char request[256], reply[64] = "";
+		const uint32_t r = s->random = s->random * 1664525u + 1013904223u;
+		const int fd = raw_connect(s->server->port);
+		snprintf(request, sizeof request,
+			"GET /v1/render.png?image.width=8&image.height=8&sun.elevation_deg=%d&seed=%d "
+			"HTTP/1.1\r\nHost: x\r\n"
+			"Connection: close\r\n\r\n",
+			(int)(r >> 24) % 6, r >> 20 & 7 ? FAKE_SLOW + (int)(r >> 12 & 31) : FAKE_FAIL);
+		raw_send(fd, request);
+		if (r >> 16 & 1) {
+			const ssize_t n = recv(fd, reply, sizeof reply - 1, 0);
+			const int status = n > 12 ? atoi(reply + 9) : 0;
+			s->odd += status != 200 && status != 500 && status != 503 && status != 429;
+		} else {
+			sleep_ms((int)(r >> 8 & 15));
+		}
+		close(fd);
+	}
+	return NULL;
+}
+
+static void a_storm_leaves_nothing_behind(void **state)
+{
+	enum { STORM = 16, SECONDS = 3 };
+	struct storm storms[STORM];
+	(void)state;
+	struct daemon_process *server = daemon_start(
+		true, (const char *const[]){ "--queue", "6", "--cache-mib", "1", "--probe-s", "0.1", NULL });
+	for (int i = 0; i < STORM; i++) {
+		storms[i] = (struct storm){
+			.server = server, .random = (uint32_t)i * 7919u, .end = seconds_now() + SECONDS
+		};
+		assert_int_equal(pthread_create(&storms[i].thread, NULL, run_storm, &storms[i]), 0);
+	}
+	for (int i = 0; i < 4; i++) {
+		sleep_ms(600);
+		const pid_t renderer = daemon_renderer(server);
+		if (renderer)
+			kill(renderer, SIGKILL);
+	}
+	for (int i = 0; i < STORM; i++) {
+		pthread_join(storms[i].thread, NULL);
+		assert_int_equal(storms[i].odd, 0);
+	}
+	/* Everybody has gone: nothing may be left that thinks otherwise. */
+	static const char *const series[] = { "welkin_http_requests_in_flight", "welkin_queue_depth",
+		"welkin_http_connections" };
+	for (int k = 0; k < 3; k++) {
+		const double idle = k == 2; /* the one that asks */
+		for (int i = 0; i < 100 && metric(server, series[k]) > idle; i++)
+			sleep_ms(20);
+		if (metric(server, series[k]) > idle)
+			fail_msg("%s is %g", series[k], metric(server, series[k]));
+	}
+	expect_served(server, 70);
+	assert_int_equal(daemon_zombies(server), 0);
+	daemon_stop(server);
+}
+
+static void a_start_can_be_interrupted(void **state)
+{
+	char self[512];
+	(void)state;
+	const ssize_t n = readlink("/proc/self/exe", self, sizeof self - 1);
+	assert_true(n > 0);
+	self[n] = 0;
+	const pid_t pid = fork();
+	if (!pid) {
+		setenv("WELKIN_FAKE", "silent", 1);
+		execl(daemon_binary(), "welkin", "serve", "--listen", "127.0.0.1:0", "--admin", "127.0.0.1:0",
+			"--renderer", self, "--log-level", "error", NULL);
+		_exit(127);
+	}
+	sleep_ms(300);
+	kill(pid, SIGTERM);
+	const double begun = seconds_now();
+	int status = -1;
+	assert_int_equal(waitpid(pid, &status, 0), pid);
+	assert_true(seconds_now() - begun < 5);
+	assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+}
+
+/* What a service manager hears. */
+static void the_service_manager_is_told(void **state)
+{
+	struct sockaddr_un address = { .sun_family = AF_UNIX };
+	char heard[256] = "", directory[] = "/tmp/welkin-notify-XXXXXX";
+	(void)state;
+	assert_non_null(mkdtemp(directory));
+	snprintf(address.sun_path, sizeof address.sun_path, "%s/socket", directory);
+	const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+	assert_int_equal(bind(fd, (struct sockaddr *)&address, sizeof address), 0);
+	setenv("NOTIFY_SOCKET", address.sun_path, 1);
+	struct daemon_process *server = daemon_start(true, NULL);
+	unsetenv("NOTIFY_SOCKET");
+	assert_true(recv(fd, heard, sizeof heard - 1, 0) > 0);
+	assert_string_equal(heard, "READY=1");
+	daemon_stop(server);
+	memset(heard, 0, sizeof heard);
+	assert_true(recv(fd, heard, sizeof heard - 1, MSG_DONTWAIT) > 0);
+	assert_string_equal(heard, "STOPPING=1");
+	close(fd);
+	unlink(address.sun_path);
+	rmdir(directory);
+}
+
 static void draining_is_bounded(void **state)
 {
 	char query[96];
@@ -351,6 +474,9 @@ int main(int argc, char **argv)
 		cmocka_unit_test(a_taken_port_ends_the_daemon),
 		cmocka_unit_test(ipv6_is_served),
 		cmocka_unit_test(sigterm_finishes_what_is_in_flight),
+		cmocka_unit_test(a_storm_leaves_nothing_behind),
+		cmocka_unit_test(a_start_can_be_interrupted),
+		cmocka_unit_test(the_service_manager_is_told),
 		cmocka_unit_test(draining_is_bounded),
 		cmocka_unit_test(a_killed_server_takes_its_renderer_along),
 	};

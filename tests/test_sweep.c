@@ -13,6 +13,7 @@
 
 #include <setjmp.h>
 #include <stdarg.h>
+
 #include <cmocka.h>
 
 enum { WIDTH = 16, HEIGHT = 8, REQUESTS = 10000, RADIANCES = 500 };
@@ -177,8 +178,8 @@ static void radiances(void **state)
 			directions[k][1] = y;
 			directions[k][2] = sqrt(1 - y * y) * sin(a);
 		}
-		if (!lib_radiance(&renderer, &request, (const double(*)[3])directions, DIRECTIONS, wavelengths, WAVELENGTHS, &reply,
-			    &result))
+		if (!lib_radiance(&renderer, &request, (const double(*)[3])directions, DIRECTIONS, wavelengths,
+			    WAVELENGTHS, &reply, &result))
 			explain(&request, i, "radiance failed", 0);
 		if (result.nonfinite != 0)
 			explain(&request, i, "radiance not finite", (double)result.nonfinite);

@@ -4,8 +4,8 @@
 static const char *const fields[] = { "atmosphere.steps", NULL };
 static const struct method_range domain[] = { { NULL } };
 
-static enum table_state tables(struct frame_tables *frame_tables, const struct scene *scene, int batch,
-	struct error *err)
+static enum table_state tables(
+	struct frame_tables *frame_tables, const struct scene *scene, int batch, struct error *err)
 {
 	(void)batch; /* columns are the same for all bands */
 	return need_optical_depth(frame_tables, scene, err);
@@ -13,7 +13,8 @@ static enum table_state tables(struct frame_tables *frame_tables, const struct s
 
 const struct method method_depth_table = {
 	.name = "depth_table",
-	.summary = "Ray march: single scattering by N steps, sunlight from a table of optical depths over height and angle",
+	.summary = "Ray march: single scattering by N steps, sunlight from a table of optical depths over height and "
+		   "angle",
 	.source = "Madrid 2015, second approach; axes of Bruneton & Neyret 2008",
 	.fields = fields,
 	.domain = domain,

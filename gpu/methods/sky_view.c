@@ -8,8 +8,8 @@ static const char *const fields[] = { "atmosphere.steps", NULL };
 static const struct method_range domain[] = { { NULL } };
 
 /* Depends on all that the sky does, for one camera position. */
-static enum table_state tables(struct frame_tables *frame_tables, const struct scene *scene, int batch,
-	struct error *err)
+static enum table_state tables(
+	struct frame_tables *frame_tables, const struct scene *scene, int batch, struct error *err)
 {
 	static const struct table_desc sky_view = {
 		.name = "sky_view",
@@ -28,8 +28,10 @@ static enum table_state tables(struct frame_tables *frame_tables, const struct s
 		int features;
 		struct MediaBlock media;
 		struct BandsBlock bands;
-	} key = { .camera_altitude = scene->frame.camera_altitude, .features = scene->frame.features & FEATURE_GROUND,
-		.media = scene->media, .bands = scene->batches[batch] };
+	} key = { .camera_altitude = scene->frame.camera_altitude,
+		.features = scene->frame.features & FEATURE_GROUND,
+		.media = scene->media,
+		.bands = scene->batches[batch] };
 	memcpy(key.vertical, scene->frame.vertical, sizeof key.vertical);
 	memcpy(key.sun_direction, scene->frame.sun_direction, sizeof key.sun_direction);
 	return tables_need(frame_tables, &sky_view, &key, sizeof key, batch, err);
@@ -37,7 +39,8 @@ static enum table_state tables(struct frame_tables *frame_tables, const struct s
 
 const struct method method_sky_view = {
 	.name = "sky_view",
-	.summary = "All orders of scattering from three tables: optical depth, multiple scattering, and this camera's sky",
+	.summary =
+		"All orders of scattering from three tables: optical depth, multiple scattering, and this camera's sky",
 	.source = "Hillaire 2020, with moments in place of isotropic multiple scattering",
 	.fields = fields,
 	.domain = domain,

@@ -13,8 +13,10 @@ void main()
 	size.y /= 2;
 	if (any(greaterThanEqual(texel, size)))
 		return;
+	if (2 * texel.y >= size.y && (frame.features & FEATURE_GROUND) == 0)
+		return; /* rows that no ray of this view reads */
 	vec3 d = sky_view_direction(vec2(texel), vec2(size)), up = frame.vertical.xyz;
-	Scattered s = scatter_along(d, up, frame.camera_altitude, dot(d, up));
+	Scattered s = scatter_along(d, up, frame.sun_direction.xyz, frame.camera_altitude, dot(d, up));
 	imageStore(table, texel, s.smooth_part);
 	imageStore(table, texel + ivec2(0, size.y), s.aerosol);
 }

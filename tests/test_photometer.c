@@ -1,0 +1,103 @@
+/* Radiance jobs: numbers do not depend on what else is asked for, and the disk is where the sun is. */
+#include "gpu/method.h"
+#include "tests/lib_render.h"
+#include "tests/lib_request.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <setjmp.h>
+#include <stdarg.h>
+
+#include <cmocka.h>
+
+static struct lib_renderer renderer;
+
+static int start(void **state)
+{
+	(void)state;
+	return lib_render_start(&renderer, NULL) ? 0 : -1;
+}
+
+static int stop(void **state)
+{
+	(void)state;
+	return lib_render_stop(&renderer);
+}
+
+static struct welkin_request march_request(void)
+{
+	struct welkin_request r = request_of(WELKIN_EARTH, 100, 10);
+	r.sun.disk = 1;
+	while (strcmp(welkin_methods[r.atmosphere.method]->name, "march") != 0)
+		r.atmosphere.method++;
+	return r;
+}
+
+/* Wavelengths asked for together or alone, directions many or few: the same numbers. */
+static void radiance_does_not_depend_on_company(void **state)
+{
+	(void)state;
+	enum { MANY = 5000, WAVELENGTHS = 9 };
+	static double directions[MANY][3], wavelengths[WAVELENGTHS];
+	const struct welkin_request r = march_request();
+	const struct welkin_radiance_layout at = welkin_radiance_layout(MANY, WAVELENGTHS);
+	const struct welkin_radiance_layout one = welkin_radiance_layout(1, 1);
+	struct welkin_result result;
+	double *all, *single;
+	for (int i = 0; i < MANY; i++)
+		direction_of(90 - 180.0 * i / MANY, 137.5 * i, directions[i]);
+	for (int i = 0; i < WAVELENGTHS; i++)
+		wavelengths[i] = 800 - 50 * i;
+	assert_true(lib_radiance(
+		&renderer, &r, (const double(*)[3])directions, MANY, wavelengths, WAVELENGTHS, &all, &result));
+	assert_true(result.bands == WAVELENGTHS && result.nonfinite == 0);
+	for (int i = 7; i < MANY; i += 499) {
+		const int w = i % WAVELENGTHS;
+		assert_true(lib_radiance(
+			&renderer, &r, (const double(*)[3])directions + i, 1, wavelengths + w, 1, &single, &result));
+		const size_t k = (size_t)i * WAVELENGTHS + (size_t)w;
+		assert_true(all[at.radiance + k] > 0);
+		assert_true(fabs(all[at.radiance + k] - single[one.radiance]) <= 1e-6 * single[one.radiance]);
+		assert_true(fabs(all[at.transmittance + k] - single[one.transmittance]) <= 1e-6);
+		assert_true(isnan(all[at.std_error + k]) && all[at.luminance + (size_t)i] > 0);
+		free(single);
+	}
+	free(all);
+}
+
+/* Towards the sun: with the disk there is L = T·E/Ω more, a hair beside it there is not. */
+static void photometer_sees_the_disk(void **state)
+{
+	(void)state;
+	struct welkin_request r = march_request();
+	const double nm = 550, radius = r.sun.angular_radius_deg;
+	const struct welkin_radiance_layout at = welkin_radiance_layout(3, 1);
+	double directions[3][3], *with, *without;
+	struct welkin_result result;
+	direction_of(r.sun.elevation_deg, r.sun.azimuth_deg, directions[0]);
+	direction_of(r.sun.elevation_deg + 0.99 * radius, r.sun.azimuth_deg, directions[1]);
+	direction_of(r.sun.elevation_deg + 1.01 * radius, r.sun.azimuth_deg, directions[2]);
+	r.sun.spectrum = WELKIN_SUN_FLAT;
+	assert_true(lib_radiance(&renderer, &r, (const double(*)[3])directions, 3, &nm, 1, &with, &result));
+	r.sun.disk = 0;
+	assert_true(lib_radiance(&renderer, &r, (const double(*)[3])directions, 3, &nm, 1, &without, &result));
+	const double omega = 2 * M_PI * (1 - cos(radius * M_PI / 180));
+	for (int i = 0; i < 3; i++) {
+		const double more = with[at.radiance + (size_t)i] - without[at.radiance + (size_t)i];
+		const double want = i == 2 ? 0 : with[at.transmittance + (size_t)i] / omega;
+		assert_true(fabs(more - want) <= 1e-3 * want);
+	}
+	free(with);
+	free(without);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(radiance_does_not_depend_on_company),
+		cmocka_unit_test(photometer_sees_the_disk),
+	};
+	return cmocka_run_group_tests_name("photometer", tests, start, stop);
+}

@@ -1,0 +1,168 @@
+/* Tables: built once per key, the least recently used goes when the budget is full, and none that the
+ * slice in hand reads. */
+#include "gpu/tables.h"
+#include "tests/lib_gpu.h"
+#include "tests/lib_request.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <string.h>
+
+#include <setjmp.h>
+#include <stdarg.h>
+
+#include <cmocka.h>
+
+static const struct table_desc desc = {
+	.name = "optical_depth",
+	.width = 256,
+	.height = 128,
+	.internal_format = GL_RGBA32F,
+	.unit = UNIT_OPTICAL_DEPTH,
+};
+enum { TABLE_BYTES = 256 * 128 * 16 };
+
+static struct scene scene;
+
+static struct frame_tables *tables_of(int fitting)
+{
+	const struct welkin_request r = request_of(WELKIN_EARTH, 0, 30);
+	struct frame_tables *tables =
+		tables_create(lib_gpu.passes, lib_gpu.programs, (fitting + 0.5) * TABLE_BYTES / 1048576.0);
+	assert_non_null(tables);
+	scene_prepare(&scene, &r, NULL, 0);
+	passes_blocks(lib_gpu.passes, &scene);
+	return tables;
+}
+
+static int times_built(const struct frame_tables *tables)
+{
+	const struct tables_report *report = tables_report(tables);
+	return report->n > 0 ? report->entries[0].built : 0;
+}
+
+/* Asks for a table by a key of one letter; was it built? */
+static bool need(struct frame_tables *tables, char key)
+{
+	struct error err = { "" };
+	const int before = times_built(tables);
+	if (tables_need(tables, &desc, &key, 1, 0, &err) != TABLE_READY || !passes_finish(lib_gpu.passes, NULL, &err))
+		fail_msg("%s", err.text);
+	assert_int_equal(tables_report(tables)->n, 1);
+	assert_string_equal(tables_report(tables)->entries[0].pass, "table-optical_depth");
+	return times_built(tables) > before;
+}
+
+static bool need_in_new_slice(struct frame_tables *tables, char key)
+{
+	tables_begin_slice(tables);
+	return need(tables, key);
+}
+
+static void kept_by_key(void **state)
+{
+	(void)state;
+	struct frame_tables *tables = tables_of(4);
+	assert_true(need_in_new_slice(tables, 'a'));
+	assert_false(need_in_new_slice(tables, 'a'));
+	assert_true(need_in_new_slice(tables, 'b'));
+	assert_false(need_in_new_slice(tables, 'a'));
+	assert_true(tables_bytes(tables) == 2 * TABLE_BYTES);
+	tables_destroy(tables);
+}
+
+static void least_recently_used_goes(void **state)
+{
+	(void)state;
+	struct frame_tables *tables = tables_of(2);
+	need_in_new_slice(tables, 'a');
+	need_in_new_slice(tables, 'b');
+	assert_false(need_in_new_slice(tables, 'a'));
+	assert_true(need_in_new_slice(tables, 'c')); /* instead of b */
+	assert_true(tables_bytes(tables) == 2 * TABLE_BYTES);
+	assert_false(need_in_new_slice(tables, 'a'));
+	assert_false(need_in_new_slice(tables, 'c'));
+	assert_true(need_in_new_slice(tables, 'b'));
+	assert_true(need_in_new_slice(tables, 'a'));
+	tables_destroy(tables);
+}
+
+/* A slice may read more than the budget holds. */
+static void tables_in_use_stay(void **state)
+{
+	(void)state;
+	struct frame_tables *tables = tables_of(1);
+	tables_begin_slice(tables);
+	for (char key = 'a'; key <= 'd'; key++)
+		assert_true(need(tables, key));
+	for (char key = 'a'; key <= 'd'; key++)
+		assert_false(need(tables, key));
+	assert_true(tables_bytes(tables) == 4 * TABLE_BYTES);
+	assert_true(need_in_new_slice(tables, 'e'));
+	assert_true(tables_bytes(tables) == TABLE_BYTES);
+	tables_destroy(tables);
+}
+
+static void a_hundred_keys(void **state)
+{
+	(void)state;
+	struct frame_tables *tables = tables_of(3);
+	for (int i = 0; i < 100; i++)
+		assert_true(need_in_new_slice(tables, (char)i));
+	assert_true(tables_bytes(tables) == 3 * TABLE_BYTES);
+	tables_destroy(tables);
+}
+
+/* The kernel wrote every texel, and what is bound to the unit is the table. */
+static void written_and_bound(void **state)
+{
+	(void)state;
+	static float texels[128][256][4];
+	struct frame_tables *tables = tables_of(2);
+	need_in_new_slice(tables, 'a');
+	GLint bound = 0;
+	glActiveTexture(GL_TEXTURE0 + UNIT_OPTICAL_DEPTH);
+	glGetIntegerv(GL_TEXTURE_BINDING_2D, &bound);
+	assert_true(bound != 0);
+	glGetTextureImage((GLuint)bound, 0, GL_RGBA, GL_FLOAT, sizeof texels, texels);
+	int written = 0;
+	for (int y = 0; y < 128; y++)
+		for (int x = 0; x < 256; x++) {
+			for (int k = 0; k < 4; k++)
+				assert_true(isfinite(texels[y][x][k]));
+			written += texels[y][x][0] != 0;
+		}
+	assert_true(written > 128 * 256 * 9 / 10);
+	tables_destroy(tables);
+}
+
+static void faults(void **state)
+{
+	(void)state;
+	static const struct table_desc unknown = {
+		.name = "nothing", .width = 4, .height = 4, .internal_format = GL_R8
+	};
+	static const char key[1100];
+	struct error err = { "" };
+	struct frame_tables *tables = tables_of(2);
+	assert_int_equal(tables_need(tables, &unknown, key, 4, 0, &err), TABLE_FAILED);
+	assert_non_null(strstr(err.text, "tables/nothing.comp"));
+	assert_int_equal(tables_need(tables, &desc, key, sizeof key, 0, &err), TABLE_FAILED);
+	assert_non_null(strstr(err.text, "1100"));
+	assert_true(tables_bytes(tables) == 0);
+	tables_destroy(tables);
+	tables_destroy(NULL);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(kept_by_key),
+		cmocka_unit_test(least_recently_used_goes),
+		cmocka_unit_test(tables_in_use_stay),
+		cmocka_unit_test(a_hundred_keys),
+		cmocka_unit_test(written_and_bound),
+		cmocka_unit_test(faults),
+	};
+	return cmocka_run_group_tests_name("tables", tests, lib_gpu_open, lib_gpu_close);
+}
