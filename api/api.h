@@ -4,6 +4,7 @@
 #include "api/error.h"
 #include "api/request.h"
 
+#include <stdatomic.h>
 #include <stddef.h>
 
 /*
@@ -58,7 +59,7 @@ int welkin_field_find(const char *name);
 enum { WELKIN_METHODS_MAX = 64 };
 extern const char *welkin_method_names[WELKIN_METHODS_MAX + 1];
 /* Not 0: the method cannot be used, so the OpenAPI document (and with it the page) leaves it out. */
-extern uint8_t welkin_method_hidden[WELKIN_METHODS_MAX];
+extern atomic_uchar welkin_method_hidden[WELKIN_METHODS_MAX];
 /* Is it a parameter of another method than this? */
 bool welkin_field_idle(const struct welkin_field *field, int method);
 

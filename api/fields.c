@@ -187,7 +187,7 @@ static struct welkin_field extended[WELKIN_FIELDS_MAX];
 
 const struct welkin_field *welkin_fields = built_in;
 int welkin_field_count = BUILT_IN;
-uint8_t welkin_method_hidden[WELKIN_METHODS_MAX];
+atomic_uchar welkin_method_hidden[WELKIN_METHODS_MAX];
 
 bool welkin_field_add(const struct welkin_field *field)
 {

@@ -17,6 +17,8 @@
 #include <unistd.h>
 
 enum { NAMES_MAX = 4096, BLAMES_TO_DISABLE = 2, FIRST_BUNDLE_FD = 10 };
+/* Places for methods: some of the names are of none. */
+enum { METHODS_ROOM = WELKIN_METHODS_MAX - 4 };
 
 /* An entry with what only this file needs. */
 struct entry {
@@ -63,14 +65,21 @@ static enum table_state need_depth(struct frame_tables *tables, const struct sce
 
 static bool taken(const char *name)
 {
-	static const char *const kept[] = { "auto" }; /* values of atmosphere.method that are no method's name */
-	for (int i = 0; i < welkin_method_count; i++)
+	for (int i = 0; welkin_method_names[i]; i++)
 		if (!strcmp(welkin_method_names[i], name))
 			return true;
-	for (size_t i = 0; i < sizeof kept / sizeof *kept; i++)
-		if (!strcmp(kept[i], name))
-			return true;
-	return false;
+	return !strcmp(name, "auto"); /* says that the method is to be chosen */
+}
+
+/* Room for one more name, behind those of the methods; names that follow them (of no method) stay last. */
+static void insert_name(const char *name)
+{
+	const char **at = &welkin_method_names[welkin_method_count];
+	int n = 0;
+	while (at[n])
+		n++;
+	memmove(at + 1, at, (size_t)(n + 1) * sizeof *at);
+	*at = name;
 }
 
 /* The name from the file's, and a place in the registry. false: it has none. */
@@ -92,16 +101,15 @@ static bool place(struct entry *e)
 		m->name[0] = '\0';
 		return false;
 	}
-	if (welkin_method_count == WELKIN_METHODS_MAX) {
-		refuse(e, "%s: there are %d methods already", m->file, WELKIN_METHODS_MAX);
+	if (welkin_method_count >= METHODS_ROOM) {
+		refuse(e, "%s: there are %d methods already", m->file, METHODS_ROOM);
 		m->name[0] = '\0';
 		return false;
 	}
+	insert_name(m->name);
 	m->index = welkin_method_count++;
 	welkin_methods[m->index] = &m->method;
-	welkin_method_names[m->index] = m->name;
 	welkin_methods[m->index + 1] = NULL;
-	welkin_method_names[m->index + 1] = NULL;
 	return true;
 }
 
@@ -197,11 +205,14 @@ void operator_methods_forget(void)
 {
 	for (int i = 0; i < all.n; i++)
 		free((void *)all.list[i].method.text);
+	/* Ours stand between the built-in ones and names that are of no method. */
+	if (all.built_in)
+		memmove(&welkin_method_names[all.built_in], &welkin_method_names[welkin_method_count],
+			(size_t)(WELKIN_METHODS_MAX + 1 - welkin_method_count) * sizeof welkin_method_names[0]);
 	if (all.built_in)
 		welkin_method_count = all.built_in;
 	for (int i = welkin_method_count; i < WELKIN_METHODS_MAX; i++) {
 		welkin_methods[i] = NULL;
-		welkin_method_names[i] = NULL;
 		welkin_method_hidden[i] = 0;
 	}
 	welkin_fields_reset();

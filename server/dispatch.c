@@ -236,8 +236,8 @@ static void blame_methods(struct service *s, const char *reason, struct settled 
 	for (int entry = 0; entry < operator_methods_count(); entry++) {
 		if (!running[entry] || !operator_methods_blame(entry, reason))
 			continue;
-		log_event(LEVEL_ERROR, "method_unavailable", "method=%s reason=\"%s\"",
-			operator_methods_at(entry)->name, operator_methods_status(entry).reason);
+		log_event(LEVEL_ERROR, "method_unavailable", "file=\"%s\" reason=\"%s\"",
+			operator_methods_at(entry)->file, operator_methods_status(entry).reason);
 		for (struct queue_item *i = s->queue.waiting.next; i != &s->queue.waiting; i = next) {
 			struct render *r = RENDER_OF(i, item);
 			next = i->next;

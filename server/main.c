@@ -58,6 +58,8 @@ static int renderer_command(int argc, char **argv)
 			config.slice_ms = atof(argv[i + 1]);
 		else if (!strcmp(argv[i], "--table-mib"))
 			config.table_budget_mib = atof(argv[i + 1]);
+		else if (!strcmp(argv[i], "--warmup"))
+			config.warmup = atoi(argv[i + 1]);
 		else if (!strcmp(argv[i], "--methods-fd"))
 			config.methods_fd = atoi(argv[i + 1]);
 		else if (!strcmp(argv[i], "--method-states"))

@@ -67,6 +67,7 @@ static bool try_methods(const char *device, const char *shader_dir, struct error
 		.shader_dir = shader_dir,
 		.slice_ms = 50,
 		.table_mib = 256,
+		.cold = true,
 		.methods_fd = operator_methods_bundle(err),
 		.watchdog_s = 10,
 		.startup_s = 180,

@@ -69,8 +69,8 @@ static bool read_methods(const char *dir, struct error *err)
 	for (int i = 0; i < operator_methods_count(); i++) {
 		const struct operator_status status = operator_methods_status(i);
 		if (status.state == OPERATOR_UNAVAILABLE)
-			log_event(LEVEL_ERROR, "method_unavailable", "method=%s reason=\"%s\"",
-				operator_methods_at(i)->name, status.reason);
+			log_event(LEVEL_ERROR, "method_unavailable", "file=\"%s\" reason=\"%s\"",
+				operator_methods_at(i)->file, status.reason);
 	}
 	if (operator_methods_left_out())
 		log_event(LEVEL_ERROR, "methods_left_out", "n=%d reason=\"the first %d files of %s are read\"",

@@ -60,7 +60,7 @@ static bool spawn_renderer(struct supervisor *s, int peer_fd, pid_t *pid, struct
 	const char *program = *s->config.program ? s->config.program : "/proc/self/exe";
 	const char *const argv[] = { "welkin-renderer", "renderer", "--fd", fd, "--device", s->config.device,
 		"--shader-dir", s->config.shader_dir, "--slice-ms", slice, "--table-mib", tables, "--methods-fd",
-		methods, "--method-states", states, NULL };
+		methods, "--method-states", states, "--warmup", s->config.cold ? "0" : "1", NULL };
 	posix_spawn_file_actions_t actions;
 	posix_spawnattr_t attributes;
 	sigset_t none, defaults;
@@ -148,7 +148,7 @@ static void log_check(int entry)
 	const struct operator_status status = operator_methods_status(entry);
 	const struct operator_method *method = operator_methods_at(entry);
 	if (status.state == OPERATOR_UNAVAILABLE)
-		log_event(LEVEL_ERROR, "method_unavailable", "method=%s reason=\"%s\"", method->name, status.reason);
+		log_event(LEVEL_ERROR, "method_unavailable", "file=\"%s\" reason=\"%s\"", method->file, status.reason);
 	else
 		log_event(LEVEL_INFO, "method_checked", "method=%s ns_per_ray=%.1f", method->name, status.ns_per_ray);
 }
@@ -178,6 +178,7 @@ static bool blame_checked(struct supervisor *s, const char *how)
 	if (operator_methods_report(s->checking, &status))
 		log_check(s->checking);
 	s->checking = -1;
+	s->backoff_ms = 0; /* the next one will not do that again */
 	return true;
 }
 

@@ -17,6 +17,7 @@ struct supervisor_config {
 	const char *program; /* "": this binary */
 	const char *device, *shader_dir;
 	double slice_ms, table_mib;
+	bool cold;         /* without the warm-up: it is for whoever asks many times */
 	int methods_fd;    /* operator_methods_bundle(); stays the caller's; -1: no methods of the operator's */
 	double watchdog_s; /* silence after which a renderer is killed */
 	double startup_s;  /* the same before it is ready */
