@@ -113,6 +113,13 @@ static bool place(struct entry *e)
 	return true;
 }
 
+static void parameter_name(char out[64], const char *method, const char *parameter)
+{
+	char name[64]; /* a detour, for the compiler sees all of them in one static object */
+	snprintf(name, sizeof name, "method.%.24s.%.24s", method, parameter);
+	memcpy(out, name, sizeof name);
+}
+
 /* Parameters become request fields, each with a value of its own in the request. */
 static void add_parameters(struct entry *e)
 {
@@ -128,7 +135,7 @@ static void add_parameters(struct entry *e)
 	m->method.n_values = head->n_parameters;
 	for (int i = 0; i < head->n_parameters; i++) {
 		const struct method_parameter *p = &head->parameters[i];
-		snprintf(e->parameter_names[i], sizeof e->parameter_names[i], "method.%s.%s", m->name, p->name);
+		parameter_name(e->parameter_names[i], m->name, p->name);
 		const struct welkin_field field = { .name = e->parameter_names[i],
 			.type = WELKIN_TYPE_DOUBLE,
 			.unit = p->unit,
@@ -354,20 +361,24 @@ int operator_methods_bundle(struct error *err)
 bool operator_methods_receive(int fd, struct error *err)
 {
 	struct found found;
+	ssize_t got;
+	off_t at = 0;
 	operator_methods_forget();
-	for (off_t at = 0; pread(fd, &found, sizeof found, at) == (ssize_t)sizeof found; at += (off_t)found.size) {
+	while ((got = pread(fd, &found, sizeof found, at)) == (ssize_t)sizeof found) {
 		at += (off_t)sizeof found;
-		char *text = found.size ? malloc(found.size + 1) : NULL;
-		if (all.n == OPERATOR_METHODS_MAX || found.size > OPERATOR_FILE_MAX ||
-			(found.size && (!text || pread(fd, text, found.size, at) != (ssize_t)found.size))) {
+		char *text = found.size && found.size <= OPERATOR_FILE_MAX ? malloc(found.size + 1) : NULL;
+		if (all.n == OPERATOR_METHODS_MAX || (found.size && !text) ||
+			(text && pread(fd, text, found.size, at) != (ssize_t)found.size)) {
 			free(text);
 			return error_set(err, "the bundle of methods is damaged");
 		}
 		if (text)
 			text[found.size] = '\0';
+		at += (off_t)found.size;
 		enter(&found, text);
 	}
-	return true;
+	return got == 0 ||
+	       error_set(err, "the bundle of methods can't be read: %s", got < 0 ? strerror(errno) : "cut short");
 }
 
 /* ---- asking ---- */

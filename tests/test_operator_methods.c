@@ -4,6 +4,7 @@
 #include "gpu/operator_methods.h"
 #include "tests/lib_fake_renderer.h"
 #include "tests/lib_http.h"
+#include "tests/lib_render.h"
 
 #include <cJSON.h>
 #include <fcntl.h>
@@ -423,6 +424,44 @@ static void test_openapi_has_what_can_be_asked_for(void **state)
 	cJSON_Delete(doc);
 }
 
+/* ---- a renderer alone, as programs that measure start it ---- */
+
+static void test_renderer_alone(void **state)
+{
+	(void)state;
+	struct welkin_renderer_config config = { .device = "software", .slice_ms = 20, .table_budget_mib = 64 };
+	struct lib_renderer renderer;
+	struct welkin_request request;
+	struct welkin_faults faults;
+	struct welkin_result result;
+	static const double up[1][3] = { { 0, 1, 0 } }, nm = 550;
+	double *reply;
+	write_file("flat.glsl", flat);
+	write_file("broken.glsl", "void method_sky(Ray ray, out vec4 L, out vec4 T) { }}\n");
+	setenv("WELKIN_METHOD_DIR", dir, 1);
+	assert_true(lib_render_methods(&config));
+	unsetenv("WELKIN_METHOD_DIR");
+	assert_true(lib_render_start(&renderer, &config));
+	close(config.methods_fd);
+	expect_refused("broken.glsl", "broken.glsl:1");
+	const struct operator_status status = operator_methods_status(entry_of("flat.glsl"));
+	assert_int_equal(status.state, OPERATOR_AVAILABLE);
+	assert_true(status.ns_per_ray > 0);
+	resolve_query("atmosphere.method=flat&method.flat.level=4", &request, &faults);
+	assert_int_equal(faults.n, 0);
+	assert_true(lib_radiance(&renderer, &request, up, 1, &nm, 1, &reply, &result));
+	const struct welkin_radiance_layout at = welkin_radiance_layout(1, 1);
+	assert_float_equal(reply[at.radiance], 4, 1e-6);
+	assert_float_equal(reply[at.transmittance], 0.75, 1e-6);
+	free(reply);
+	/* A server that has not heard of the reason gets it with the refusal. */
+	resolve_query("atmosphere.method=broken", &request, &faults);
+	assert_false(lib_radiance(&renderer, &request, up, 1, &nm, 1, &reply, &result));
+	assert_non_null(strstr(result.message, "broken.glsl:1"));
+	free(reply);
+	assert_int_equal(lib_render_stop(&renderer), 0);
+}
+
 /* ---- the daemon ---- */
 
 static cJSON *fetch_methods(const struct daemon_process *server)
@@ -678,6 +717,7 @@ int main(int argc, char **argv)
 		IN_DIR(test_parameters_are_fields),
 		IN_DIR(test_nested_groups),
 		IN_DIR(test_openapi_has_what_can_be_asked_for),
+		IN_DIR(test_renderer_alone),
 		IN_DIR(test_daemon_with_files_of_all_kinds),
 		IN_DIR(test_daemon_switches_off_what_kills_the_renderer),
 		IN_DIR(test_daemon_starts_when_checks_kill_the_renderer),
