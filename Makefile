@@ -17,7 +17,7 @@ ifneq ($(filter default undefined,$(origin CC)),)
 CC := gcc
 endif
 
-BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR libsystemd inih libcjson zlib
+BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR libsystemd inih libcjson
 TEST_PKGS  := cmocka libcurl gsl
 
 WARN   := -Wall -Wextra -Werror -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith -Wvla \
@@ -55,14 +55,14 @@ MAIN_OBJ   := $(B)/obj/server/main.o
 all: $(B)/welkin
 
 $(B)/welkin: $(MAIN_OBJ) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
-	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS)
+	@echo "  LINK $@"; $(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS)
 
 $(B)/obj/gen/%.o: $(B)/gen/%.c $(B)/flags
 	@mkdir -p $(@D)
-	$(CC) $(CFLAGS_ALL) -c -o $@ $<
+	@echo "  CC   $<"; $(CC) $(CFLAGS_ALL) -c -o $@ $<
 $(B)/obj/%.o: %.c $(B)/flags
 	@mkdir -p $(@D)
-	$(CC) $(CFLAGS_ALL) -c -o $@ $<
+	@echo "  CC   $<"; $(CC) $(CFLAGS_ALL) -c -o $@ $<
 
 # Rebuild everything when compiler or flags change, nothing otherwise.
 FLAGS_NOW = $(CC) $(CFLAGS_ALL) $(LDFLAGS_ALL)
@@ -111,7 +111,7 @@ TEST_LIBS  = $(shell pkg-config --libs $(TEST_PKGS) 2>/dev/null)
 
 $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_LIB) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
 	@mkdir -p $(@D)
-	$(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
+	@echo "  LINK $@"; $(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
 
 PROGRAMS  := soak bench_probe bench_encode bench_frames accuracy
 .PHONY: tests programs
@@ -134,7 +134,7 @@ fuzz-smoke:
 
 # ---- two commands ----
 RUN_DEPS   := build-essential pkg-config libmicrohttpd-dev libepoxy-dev libegl-dev libgl1-mesa-dri libegl-mesa0 libpng-dev \
-              libdeflate-dev libopenexr-dev libnova-dev libsystemd-dev libinih-dev libcjson-dev zlib1g-dev
+              libdeflate-dev libopenexr-dev libnova-dev libsystemd-dev libinih-dev libcjson-dev
 CHECK_DEPS := $(RUN_DEPS) git curl libcmocka-dev libcurl4-openssl-dev libgsl-dev gnuplot-nox clang libclang-rt-14-dev clang-format \
               cppcheck glslang-tools openexr pngcheck prometheus chromium chromium-driver python3-jsonschema \
               openapi-specification python3-yaml python3-requests haproxy varnish systemd
@@ -188,8 +188,8 @@ C_FILES := $(API_SRC) $(GPU_SRC) $(SERVER_SRC) $(sort $(wildcard tests/*.c))
 H_FILES := $(sort $(wildcard api/*.h gpu/*.h server/*.h tests/*.h))
 .PHONY: lint format
 lint: $(GEN)
-	clang-format --dry-run -Werror $(C_FILES) $(H_FILES)
-	cppcheck --quiet --error-exitcode=1 --std=c11 --enable=warning,performance,portability --inline-suppr \
+	@clang-format --dry-run -Werror $(C_FILES) $(H_FILES)
+	@cppcheck -j2 --quiet --error-exitcode=1 --std=c11 --enable=warning,performance,portability --inline-suppr \
 	  --suppressions-list=tests/cppcheck.supp -I. -D_GNU_SOURCE $(API_SRC) $(GPU_SRC) $(SERVER_SRC)
 	tests/shader_check.sh shaders
 format:

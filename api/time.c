@@ -111,9 +111,11 @@ void welkin_format_time(int64_t time_ms, char text[32])
 	int year, month, day;
 	date_from_days(days, &year, &month, &day);
 	const int seconds = ms_of_day / 1000, ms = ms_of_day % 1000;
-	char fraction[8] = "";
+	char whole[96], fraction[16] = ""; /* the compiler can't know how short numbers are */
 	if (ms)
 		snprintf(fraction, sizeof fraction, ".%03d", ms);
-	snprintf(text, 32, "%04d-%02d-%02dT%02d:%02d:%02d%sZ", year, month, day, seconds / 3600, seconds / 60 % 60,
-		seconds % 60, fraction);
+	snprintf(whole, sizeof whole, "%04d-%02d-%02dT%02d:%02d:%02d%sZ", year, month, day, seconds / 3600,
+		seconds / 60 % 60, seconds % 60, fraction);
+	memcpy(text, whole, 31);
+	text[31] = '\0';
 }

@@ -11,6 +11,7 @@
 enum {
 	PATHS_PER_GROUP = 32,  /* of a direction: so finely is the first collision stratified */
 	FIRST_CHECK = 32,      /* groups: fewer say little of their spread */
+	GROUPS_DARK = 1 << 11, /* of a direction in which nothing was found: rare paths may still bring light */
 	GROUPS_MOST = 1 << 20, /* of a direction: a value that does not settle ends there */
 	PATHS_PER_PIXEL_PASS = 8,
 	FIRST_PIXEL_CHECK = 4,
@@ -67,9 +68,11 @@ static bool direction_settled(const struct frame *f, int bands)
 	const int units = f->job.n_directions * f->scene.n_batches;
 	if (f->groups >= GROUPS_MOST || out_of_budget(f, 1.0 / units))
 		return true;
-	for (int k = 0; k < bands; k++)
-		if (std_error(&f->tally[k], f->groups) > f->job.request.max_error * fabs(f->tally[k].mean))
+	for (int k = 0; k < bands; k++) {
+		const struct tally *t = &f->tally[k];
+		if (t->m2 > 0 ? std_error(t, f->groups) > f->job.request.max_error * t->mean : f->groups < GROUPS_DARK)
 			return false;
+	}
 	return true;
 }
 
@@ -81,7 +84,10 @@ static void write_direction(struct frame *f, int bands, const float T[4])
 	for (int k = 0; k < bands; k++) {
 		const size_t to = (size_t)f->direction * (size_t)n + (size_t)(4 * f->batch + k);
 		reply[at.radiance + to] = f->tally[k].mean;
-		reply[at.std_error + to] = std_error(&f->tally[k], f->groups);
+		/* of samples that are all 0, how far off they are is not known, unless there is no air to look through
+		 */
+		const bool dark = f->tally[k].m2 <= 0 && T[k] < 1;
+		reply[at.std_error + to] = dark ? NAN : std_error(&f->tally[k], f->groups);
 		reply[at.transmittance + to] = (double)T[k];
 	}
 }

@@ -13,13 +13,28 @@ void buffer_pool_init(struct buffer_pool *pool, size_t budget_bytes)
 	pthread_mutex_init(&pool->lock, NULL);
 }
 
+static void destroy_list(struct buffer *list)
+{
+	while (list) {
+		struct buffer *next = list->next;
+		buffer_destroy(list);
+		list = next;
+	}
+}
+
+void buffer_pool_clear(struct buffer_pool *pool)
+{
+	pthread_mutex_lock(&pool->lock);
+	struct buffer *list = pool->free_list;
+	pool->free_list = NULL;
+	pool->bytes = 0;
+	pthread_mutex_unlock(&pool->lock);
+	destroy_list(list);
+}
+
 void buffer_pool_finish(struct buffer_pool *pool)
 {
-	while (pool->free_list) {
-		struct buffer *b = pool->free_list;
-		pool->free_list = b->next;
-		buffer_destroy(b);
-	}
+	buffer_pool_clear(pool);
 	pthread_mutex_destroy(&pool->lock);
 }
 
@@ -73,24 +88,20 @@ void buffer_put(struct buffer_pool *pool, struct buffer *buffer)
 	buffer->next = pool->free_list;
 	pool->free_list = buffer;
 	pool->bytes += buffer->size;
-	/* Over budget: keep the front of the list, let go of what was returned longest ago. */
-	if (pool->bytes > pool->budget) {
-		size_t kept = 0;
-		struct buffer **at = &pool->free_list;
-		while (*at && kept + (*at)->size <= pool->budget) {
-			kept += (*at)->size;
-			at = &(*at)->next;
-		}
-		dropped = *at;
-		*at = NULL;
-		pool->bytes = kept;
+	/* Too much: keep the front of the list, let go of what was returned longest ago. */
+	size_t kept = 0;
+	int n = 0;
+	struct buffer **at = &pool->free_list;
+	while (*at && n < BUFFER_POOL_MAX && kept + (*at)->size <= pool->budget) {
+		kept += (*at)->size;
+		n++;
+		at = &(*at)->next;
 	}
+	dropped = *at;
+	*at = NULL;
+	pool->bytes = kept;
 	pthread_mutex_unlock(&pool->lock);
-	while (dropped) {
-		struct buffer *next = dropped->next;
-		buffer_destroy(dropped);
-		dropped = next;
-	}
+	destroy_list(dropped);
 }
 
 void buffer_destroy(struct buffer *buffer)

@@ -15,6 +15,9 @@ struct buffer {
 	size_t size;
 };
 
+/* Few: as many as are in use at once; more would only be memory that sizes seen long ago hold. */
+enum { BUFFER_POOL_MAX = 8 };
+
 struct buffer_pool {
 	pthread_mutex_t lock;
 	struct buffer *free_list; /* most recently returned first */
@@ -22,6 +25,8 @@ struct buffer_pool {
 };
 
 void buffer_pool_init(struct buffer_pool *pool, size_t budget_bytes);
+/* Lets go of everything that is kept. */
+void buffer_pool_clear(struct buffer_pool *pool);
 void buffer_pool_finish(struct buffer_pool *pool);
 
 /* Contents are whatever was left in it. NULL with the reason when memory or descriptors are out. */

@@ -4,6 +4,7 @@
 #include "server/log.h"
 
 #include <errno.h>
+#include <malloc.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,6 +12,8 @@
 
 /* The renderer ends a late job itself; this much later the server stops believing that it will. */
 enum { LATE_GRACE_US = 500000 };
+
+enum { TRIM_PERIOD_US = 2000000 };
 
 /* ---- tickets: settled under the lock, told after it ---- */
 
@@ -347,6 +350,7 @@ void dispatch_on_tick(void *cls)
 	const int64_t now = clock_us();
 	pthread_mutex_lock(&s->lock);
 	expire(s, &settled);
+	const bool idle = !s->queue.in_flight && !s->queue.depth;
 	const int64_t period_us = (int64_t)(s->options->probe_s * 1e6);
 	/* While no client asks for anything, proof has to be sought; the first probe is always ours. */
 	const bool probe = s->renderer_up && !s->probing && !s->refusing &&
@@ -358,6 +362,13 @@ void dispatch_on_tick(void *cls)
 	}
 	pthread_mutex_unlock(&s->lock);
 	dispatch_tell(&settled);
+	if (now - s->trimmed_us > TRIM_PERIOD_US) {
+		/* Blocks of many sizes and lifetimes leave holes in the heap; whole pages of them go back. */
+		malloc_trim(0);
+		if (idle)
+			buffer_pool_clear(&s->buffers);
+		s->trimmed_us = now;
+	}
 	struct welkin_request request;
 	if (probe && probe_request(&request))
 		service_submit(s, &s->probe, &request, NULL, NULL);

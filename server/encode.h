@@ -20,7 +20,7 @@ struct welkin_file_info {
 	const char *method, *device, *build;
 	const char *timing_json;
 	double exposure_scale; /* pixel = cd/m² × this */
-	int threads;           /* the encoder may use up to that many for one image */
+	int threads;           /* an EXR may take up to that many; a PNG takes one */
 };
 
 /* PNG, 8 or 16 bit RGB. The renderer's alpha is left out, since a PNG shows the sky over black; only

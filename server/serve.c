@@ -181,10 +181,10 @@ int serve_command(int argc, char **argv)
 	}
 	log_set_level(server.options.log_level);
 	raise_descriptor_limit(&server.options);
-	/* Encoded images come and go on several threads: large blocks go back to the system at once,
-	 * and few arenas keep the rest from spreading, so that resident memory stays flat for weeks. */
-	mallopt(M_ARENA_MAX, 2);
-	mallopt(M_MMAP_THRESHOLD, 256 * 1024);
+	/* Encoded images come and go on several threads: what is larger goes back to the system at
+	 * once, and a single arena keeps the rest from spreading, so that resident memory stays flat. */
+	mallopt(M_ARENA_MAX, 1);
+	mallopt(M_MMAP_THRESHOLD, 16 * 1024);
 	server.http_fd = listen_on(server.options.listen, &wrong, &err);
 	if (server.http_fd < 0)
 		return complain(wrong ? 2 : 1, err.text);

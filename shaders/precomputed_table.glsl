@@ -19,6 +19,22 @@ float azimuth_shape(float nu)
 	return 1.0 + 0.7 * nu * nu;
 }
 
+/* How much there is to scatter along a ray, between 0 and 1: what the aerosol's part, and above the horizon the smooth part, are
+ * divided by, so that rays which soon meet the ground or leave the air have values to interpolate and no
+ * logarithm of 0. */
+float path_opacity(float h, float mu, bool below)
+{
+	float amount = below ? ray_ground_distance(h, mu) * 1e-4 : sun_column(h, mu).x * 1e-3;
+	return 1.0 - exp(-max(amount, 1e-6));
+}
+
+/* Altitudes that the table is filled for: at the very bottom and top some rays have no length, and in its last rows
+ * the optical-depth table has no digits. */
+float precomputed_altitude(float h)
+{
+	return clamp(h, 0.5, media.top * 0.984);
+}
+
 /* Angle of the ray that grazes the ground from altitude h, from the zenith. */
 float horizon_angle(float h)
 {

@@ -101,14 +101,23 @@ void integrate(inout Integral integral, ViewRay ray, Piece piece, bool lit, ivec
 	advance(integral, ray, piece.start + piece.extent, h, mu);
 }
 
-/* Integrates from `from` to `to`, cut at the lowest point when that lies between. */
-void integrate_stretch(inout Integral integral, ViewRay ray, float from, float to, float lowest, bool lit, ivec2 rule)
+/* All pieces, in one place of the code: llvmpipe runs both sides of every branch, so a copy costs what it would
+ * if it were taken; loops it does leave. */
+void integrate_pieces(inout Integral integral, ViewRay ray, vec2 dark, float lowest)
 {
-	float cut = clamp(lowest, from, to);
-	if (cut > from)
-		integrate(integral, ray, Piece(from, cut - from, true), lit, rule);
-	if (to > cut)
-		integrate(integral, ray, Piece(cut, to - cut, false), lit, rule);
+	vec3 cuts = vec3(min(lowest, dark.x), clamp(lowest, dark.x, dark.y), max(lowest, dark.y));
+	bvec3 inside = bvec3(uvec3(greaterThan(cuts, vec3(0.0))) & uvec3(lessThan(cuts, vec3(ray.extent))) &
+			     uvec3(greaterThan(cuts, vec3(0.0, cuts.xy))));
+	int pieces = 1 + int(inside.x) + int(inside.y) + int(inside.z);
+	ivec2 rule = media.rule[RULE_VIEW + pieces - 1].xy;
+	float start = 0.0;
+	while (start < ray.extent) {
+		float end = cuts.x > start ? cuts.x : cuts.y > start ? cuts.y : cuts.z > start ? cuts.z : ray.extent;
+		end = min(end, ray.extent);
+		bool lit = start < dark.x || start >= dark.y;
+		integrate(integral, ray, Piece(start, end - start, lowest >= end), lit, rule);
+		start = end;
+	}
 }
 
 /* What a ray brings to the camera, per band; the phase function of the aerosol is left to the caller,
@@ -137,14 +146,10 @@ Scattered scatter_along(vec3 view, vec3 vertical, vec3 to_sun, float h, float mu
 	float ground = ray_ground_distance(ray.h, ray.mu);
 	ray.extent = ground >= 0.0 ? ground : ray_top_distance(ray.h, ray.mu);
 
-	float lowest = -(media.planet_radius + ray.h) * ray.mu;
+	float lowest = clamp(-(media.planet_radius + ray.h) * ray.mu, 0.0, ray.extent);
 	vec2 dark = shadow_interval(ray, view, to_sun);
-	bool shadowed = dark.y > dark.x;
-	if (!shadowed)
+	if (dark.y <= dark.x)
 		dark = vec2(ray.extent);
-	bool bent = lowest > 0.0 && lowest < ray.extent;
-	int pieces = 1 + int(bent) + (shadowed ? int(dark.x > 0.0) + int(dark.y < ray.extent) : 0);
-	ivec2 rule = media.rule[RULE_VIEW + min(pieces, 4) - 1].xy;
 
 	Integral integral;
 	integral.column = vec3(0.0);
@@ -152,11 +157,7 @@ Scattered scatter_along(vec3 view, vec3 vertical, vec3 to_sun, float h, float mu
 	integral.density = density_at(ray.h);
 	integral.slope = density_slope(ray.h, integral.density) * ray.mu;
 	integral.rayleigh = integral.aerosol = integral.multiple = vec4(0.0);
-	integrate_stretch(integral, ray, 0.0, dark.x, lowest, true, rule);
-	if (shadowed) {
-		integrate_stretch(integral, ray, dark.x, dark.y, lowest, false, rule);
-		integrate_stretch(integral, ray, dark.y, ray.extent, lowest, true, rule);
-	}
+	integrate_pieces(integral, ray, dark, lowest);
 
 	result.smooth_part = bands.sun_irradiance *
 		(bands.rayleigh * integral.rayleigh * phase_rayleigh(ray.nu) + integral.multiple);

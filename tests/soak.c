@@ -118,8 +118,9 @@ struct memory {
 	double server, renderer; /* MiB */
 };
 
-static struct memory memory_of(const struct daemon_process *server)
+static struct memory memory_of(const struct daemon_process *server, int rest_ms)
 {
+	sleep_ms(rest_ms);
 	return (struct memory){ metric(server, "welkin_resident_memory_bytes{process=\"server\"}") / 1048576,
 		metric(server, "welkin_resident_memory_bytes{process=\"renderer\"}") / 1048576 };
 }
@@ -147,12 +148,14 @@ int main(int argc, char **argv)
 	const double begun = seconds_now();
 	printf("device: %s\n", server->device);
 	run_until(&load, smoke ? 40 : WARM_UP);
-	const struct memory first = memory_of(server);
+	/* At rest, after the daemon has given back what it need not keep (every 2 s). */
+	const int rest_ms = smoke ? 0 : 2500;
+	const struct memory first = memory_of(server, rest_ms);
 	struct memory last = first;
 	const int start = load.next, steps = 6;
 	for (int s = 1; s <= steps; s++) {
 		run_until(&load, start + (requests - start) * s / steps);
-		last = memory_of(server);
+		last = memory_of(server, s == steps ? rest_ms : 0);
 		printf("after %4d requests: server %.2f MiB, renderer %.2f MiB\n", load.next, last.server,
 			last.renderer);
 	}

@@ -396,12 +396,12 @@ static void one_of_two_leaving_cancels_nothing(void **state)
 {
 	(void)state;
 	const double before = metric(server, "welkin_renders_cancelled_total");
-	const int first = send_render(400, 5);
+	const int first = send_render(1000, 5);
 	assert_true(metric_wait(server, "welkin_renders_in_flight", 1, 2) >= 1);
-	const int second = send_render(400, 5); /* the same: joins */
+	const int second = send_render(1000, 5); /* the same: joins */
 	sleep_ms(50);
 	close(first);
-	char *reply = raw_read(second, 1.5, NULL);
+	char *reply = raw_read(second, 3, NULL);
 	assert_int_equal(strncmp(reply, "HTTP/1.1 200 ", 13), 0);
 	assert_non_null(strstr(reply, "Server-Timing: joined;dur="));
 	assert_true(metric(server, "welkin_renders_cancelled_total") == before);
@@ -414,7 +414,7 @@ static void a_full_queue_says_when_to_come_back(void **state)
 	int fds[8];
 	(void)state;
 	for (int i = 0; i < 4; i++) { /* one in flight, three waiting */
-		fds[i] = send_render(600, 10 + i);
+		fds[i] = send_render(1500, 10 + i);
 		if (!i)
 			assert_true(metric_wait(server, "welkin_renders_in_flight", 1, 2) >= 1);
 	}

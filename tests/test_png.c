@@ -1,5 +1,4 @@
 /* PNG: what libpng reads back is what went in, whatever the size, depth and content. */
-#include "server/deflate.h"
 #include "tests/lib_pictures.h"
 #include "tests/lib_random.h"
 
@@ -8,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-#include <zlib.h>
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -242,6 +240,37 @@ static void test_alpha(void **state)
 	}
 }
 
+static int count_chunks(const struct welkin_bytes *bytes, const char *type)
+{
+	int n = 0;
+	for (size_t at = 8; at < bytes->size;) {
+		const unsigned char *chunk = bytes->data + at;
+		const size_t size = (size_t)chunk[0] << 24 | (size_t)chunk[1] << 16 | (size_t)chunk[2] << 8 | chunk[3];
+		n += !memcmp(chunk + 4, type, 4);
+		at += size + 12;
+	}
+	return n;
+}
+
+/* Data that don't shrink fill several IDAT chunks: 700 x 500 x 6 bytes and the filter bytes are 2 100 500. */
+static void test_long_data(void **state)
+{
+	(void)state;
+	struct welkin_request request;
+	lib_picture_request(&request, WELKIN_PNG, 700, 500);
+	request.image.png_bits = 16;
+	unsigned char *pixels = lib_picture(&request, LIB_NOISE, 5);
+	struct welkin_bytes bytes = encode(&request, pixels, 1);
+	assert_in_range(bytes.size, 2100500, 2105000);
+	assert_int_equal(count_chunks(&bytes, "IDAT"), 3);
+	assert_int_equal(count_chunks(&bytes, "IEND"), 1);
+	struct decoded d = decode(&bytes);
+	assert_same_colours(&request, pixels, &d);
+	free_decoded(&d);
+	free(bytes.data);
+	free(pixels);
+}
+
 /* The chunks' order, checksums and limits as another program sees them. */
 static void test_pngcheck(void **state)
 {
@@ -265,92 +294,6 @@ static void test_pngcheck(void **state)
 	free(pixels);
 }
 
-/* ---- the deflate encoder by itself ---- */
-
-static void inflate_back(const unsigned char *data, size_t n)
-{
-	unsigned char *packed = malloc(welkin_deflate_bound(n) + 2), *back = malloc(n + 1);
-	size_t size = welkin_deflate_block(data, n, packed);
-	assert_in_range(size, n ? 1 : 0, welkin_deflate_bound(n));
-	packed[size++] = 3; /* an empty last block */
-	packed[size++] = 0;
-	z_stream z = { .next_in = packed, .avail_in = (uInt)size, .next_out = back, .avail_out = (uInt)n + 1 };
-	assert_int_equal(inflateInit2(&z, -15), Z_OK);
-	assert_int_equal(inflate(&z, Z_FINISH), Z_STREAM_END);
-	assert_int_equal(z.total_out, n);
-	assert_int_equal(z.avail_in, 0);
-	assert_memory_equal(data, back, n);
-	inflateEnd(&z);
-	free(packed);
-	free(back);
-}
-
-/* Every length of a run of zeros, at every alignment, alone and between other bytes. */
-static void test_deflate_runs(void **state)
-{
-	(void)state;
-	unsigned char data[1400];
-	for (size_t run = 0; run <= 1100; run += run < 600 ? 1 : 17) {
-		for (size_t before = 0; before < 10; before++) {
-			memset(data, 0x55, sizeof data);
-			memset(data + before, 0, run);
-			inflate_back(data, before + run);
-			inflate_back(data, before + run + 13);
-		}
-	}
-}
-
-/* Counts that double from symbol to symbol make the deepest tree there is: the cut at 12 bits has to mend it. */
-static void test_deflate_deep_trees(void **state)
-{
-	(void)state;
-	for (int base = 1; base <= 3; base++) {
-		unsigned char *data = calloc(1, 1 << 20);
-		size_t n = 0;
-		uint32_t a = 1, b = (uint32_t)base;
-		for (int symbol = 0; symbol < 40 && n + b < 1 << 17; symbol++) {
-			memset(data + n, 1 + symbol, a);
-			n += a;
-			const uint32_t next = a + b; /* Fibonacci's numbers, or faster */
-			a = b;
-			b = next * (uint32_t)base;
-		}
-		inflate_back(data, n);
-		free(data);
-	}
-}
-
-static void test_deflate_few_symbols(void **state)
-{
-	(void)state;
-	unsigned char data[1000] = { 0 };
-	inflate_back(data, 0);
-	for (int value = 0; value < 256; value++) {
-		memset(data, value, sizeof data);
-		for (size_t n = 1; n <= 40; n++)
-			inflate_back(data, n);
-		inflate_back(data, sizeof data);
-	}
-}
-
-static void test_deflate_random(void **state)
-{
-	(void)state;
-	uint64_t random = 99;
-	for (int round = 0; round < 400; round++) {
-		const size_t n = (uint32_t)random_bits(&random) % (round % 40 ? 3000 : 400000);
-		const uint32_t mask = (1u << (uint32_t)random_bits(&random) % 9) - 1,
-			       rarity = (uint32_t)random_bits(&random) % 7;
-		unsigned char *data = malloc(n + 1);
-		for (size_t i = 0; i < n; i++)
-			data[i] = ((uint32_t)random_bits(&random) & ((1u << rarity) - 1))
-					  ? 0
-					  : (unsigned char)((uint32_t)random_bits(&random) & mask);
-		inflate_back(data, n);
-		free(data);
-	}
-}
-
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -358,11 +301,8 @@ int main(void)
 		cmocka_unit_test(test_same_bytes_on_any_threads),
 		cmocka_unit_test(test_texts_and_colour_space),
 		cmocka_unit_test(test_alpha),
+		cmocka_unit_test(test_long_data),
 		cmocka_unit_test(test_pngcheck),
-		cmocka_unit_test(test_deflate_runs),
-		cmocka_unit_test(test_deflate_deep_trees),
-		cmocka_unit_test(test_deflate_few_symbols),
-		cmocka_unit_test(test_deflate_random),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

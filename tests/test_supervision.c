@@ -113,7 +113,7 @@ static void a_killed_renderer_is_replaced(void **state)
 	char query[64];
 	(void)state;
 	struct daemon_process *server = daemon_start(true, (const char *const[]){ "--probe-s", "3600", NULL });
-	snprintf(query, sizeof query, "image.width=16&image.height=8&seed=%d", FAKE_SLOW + 400);
+	snprintf(query, sizeof query, "image.width=16&image.height=8&seed=%d", FAKE_SLOW + 3000);
 	for (int round = 0; round < 2; round++)
 		lose_renderer_under_load(server, query, SIGKILL, 10);
 	daemon_stop(server);
@@ -125,7 +125,7 @@ static void a_stopped_renderer_is_noticed(void **state)
 	(void)state;
 	struct daemon_process *server =
 		daemon_start(true, (const char *const[]){ "--watchdog-s", "1", "--probe-s", "3600", NULL });
-	snprintf(query, sizeof query, "image.width=16&image.height=8&seed=%d", FAKE_SLOW + 700);
+	snprintf(query, sizeof query, "image.width=16&image.height=8&seed=%d", FAKE_SLOW + 3000);
 	lose_renderer_under_load(server, query, SIGSTOP, 10);
 	/* Idle, too: the pings go unanswered. */
 	const double restarts = metric(server, "welkin_renderer_restarts_total");
@@ -270,7 +270,7 @@ static void sigterm_finishes_what_is_in_flight(void **state)
 	(void)state;
 	struct daemon_process *server = daemon_start(true, (const char *const[]){ "--in-flight", "1", NULL });
 	struct client running, waiting;
-	snprintf(query, sizeof query, "image.width=16&image.height=8&seed=%d", FAKE_SLOW + 500);
+	snprintf(query, sizeof query, "image.width=16&image.height=8&seed=%d", FAKE_SLOW + 900);
 	start_client(&running, server, query, 1);
 	assert_true(metric_wait(server, "welkin_renders_in_flight", 1, 2) >= 1);
 	start_client(&waiting, server, query, 2);

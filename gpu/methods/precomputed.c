@@ -2,7 +2,13 @@
 #include "gpu/sky_tables.h"
 
 static const char *const fields[] = { "atmosphere.steps", NULL };
-static const struct method_range domain[] = { { NULL } };
+static const struct method_range domain[] = {
+	{ "atmosphere.planet_radius_m", 1e6, 2e7, "its axes are made for planets between an asteroid and Neptune" },
+	{ "atmosphere.top_m", 2e4, 2e5, "its altitudes are spaced for an atmosphere of some tens of kilometres" },
+	{ "atmosphere.aerosol.g", -0.5, 0.999, "light scattered mostly backward needs more moments" },
+	{ "atmosphere.density_factor", 0, 5, "in air that thick more orders count than it follows" },
+	{ NULL },
+};
 
 static enum table_state tables(
 	struct frame_tables *frame_tables, const struct scene *scene, int batch, struct error *err)

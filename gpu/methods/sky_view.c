@@ -5,7 +5,14 @@
 #include <string.h>
 
 static const char *const fields[] = { "atmosphere.steps", NULL };
-static const struct method_range domain[] = { { NULL } };
+static const struct method_range domain[] = {
+	{ "atmosphere.planet_radius_m", 4e5, 2e7, "its axes are made for planets between an asteroid and Neptune" },
+	{ "atmosphere.top_m", 2e4, 2e5, "its altitudes are spaced for an atmosphere of some tens of kilometres" },
+	{ "atmosphere.aerosol.g", -0.5, 0.999, "light scattered mostly backward needs more moments" },
+	{ "atmosphere.density_factor", 0, 5, "in air that thick more orders count than it follows" },
+	{ "camera.altitude_m", 0, 1e6, "from further the lit limb is thinner than its rows" },
+	{ NULL },
+};
 
 /* Depends on all that the sky does, for one camera position. */
 static enum table_state tables(

@@ -34,12 +34,14 @@ void method_sky(Ray ray, out vec4 L, out vec4 T)
 	vec3 level = cross(up, ray.d), level_sun = cross(up, sun);
 	float azimuth = atan(abs(dot(up, cross(level, level_sun))), dot(level, level_sun));
 
+	float opacity = path_opacity(precomputed_altitude(h), mu, below);
 	vec2 uv = multiple_from_point(h, mu_s);
 	vec3 texel = vec3(uv.x * float(PRECOMPUTED_SUNS - 1), row, uv.y * float(PRECOMPUTED_ALTITUDES - 1));
 	float slab = azimuth / PI * float(PRECOMPUTED_AZIMUTHS - 1), first = min(floor(slab), float(PRECOMPUTED_AZIMUTHS - 2));
 	float f = slab - first;
-	vec4 smooth_part = exp2(mix(layer_at(texel, first, 0), layer_at(texel, first + 1.0, 0), f)) * azimuth_shape(nu);
-	vec4 aerosol = exp2(mix(layer_at(texel, first, 1), layer_at(texel, first + 1.0, 1), f)) * phase_aerosol(nu);
+	vec4 smooth_part = exp2(mix(layer_at(texel, first, 0), layer_at(texel, first + 1.0, 0), f)) * azimuth_shape(nu) *
+			   (below ? 1.0 : opacity);
+	vec4 aerosol = exp2(mix(layer_at(texel, first, 1), layer_at(texel, first + 1.0, 1), f)) * phase_aerosol(nu) * opacity;
 	L = bands.sun_irradiance * (smooth_part + aerosol);
 	T = below ? vec4(0.0) : exp(-optical_depth(sun_column(h, mu)));
 }
