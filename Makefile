@@ -95,11 +95,11 @@ $(B)/gen/www.c: $(WWW) Makefile
 $(B)/gen/registry.c: $(METHOD_SRC) Makefile
 	@mkdir -p $(@D)
 	@{ echo '#include "gpu/method.h"'; for m in $(METHODS); do echo "extern const struct method method_$$m;"; done; \
-	  echo 'const struct method *const welkin_methods[] = {'; for m in $(METHODS); do echo "	&method_$$m,"; done; \
-	  echo '	0,'; echo '};'; echo 'const int welkin_method_count = $(words $(METHODS));'; } > $@
+	  echo 'const struct method *welkin_methods[WELKIN_METHODS_MAX + 1] = {'; for m in $(METHODS); do echo "	&method_$$m,"; done; \
+	  echo '	0,'; echo '};'; echo 'int welkin_method_count = $(words $(METHODS));'; } > $@
 $(B)/gen/method_names.c: $(METHOD_SRC) Makefile
 	@mkdir -p $(@D)
-	@{ echo '#include "api/api.h"'; echo 'const char *const welkin_method_names[] = {'; \
+	@{ echo '#include "api/api.h"'; echo 'const char *welkin_method_names[WELKIN_METHODS_MAX + 1] = {'; \
 	  for m in $(METHODS) auto; do echo "	\"$$m\","; done; echo '	0,'; echo '};'; } > $@
 
 # ---- tests ----

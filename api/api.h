@@ -4,6 +4,7 @@
 #include "api/error.h"
 #include "api/request.h"
 
+#include <stdatomic.h>
 #include <stddef.h>
 
 /*
@@ -36,17 +37,31 @@ struct welkin_field {
 	const char *help;         /* one or two sentences */
 	const char *const *names; /* ENUM, FLAGS, and INT where only some values are allowed: NULL-terminated */
 	size_t offset;            /* into struct welkin_request */
+	int of_method;            /* 1 + index of the method whose parameter it is; 0: a field of every request */
 };
 
-extern const struct welkin_field welkin_fields[];
-extern const int welkin_field_count;
-enum { WELKIN_FIELDS_MAX = 128 };
+/* Those of the table, then the parameters of the operator's methods ("method.NAME.PARAMETER"), which
+ * gpu/operator_methods.h adds once, before a process starts threads. */
+extern const struct welkin_field *welkin_fields;
+extern int welkin_field_count;
+enum { WELKIN_FIELDS_MAX = 256 };
+
+/* Adds a field behind the others; what it points to must live on. false: there is no room. */
+bool welkin_field_add(const struct welkin_field *field);
+/* Takes the added ones away again. */
+void welkin_fields_reset(void);
 
 /* Index of the field of that exact name, or -1. */
 int welkin_field_find(const char *name);
 
-/* The method names: generated from gpu/methods/, sorted, then "auto", NULL-terminated, so the API needs no renderer. */
-extern const char *const welkin_method_names[];
+/* The method names: generated from gpu/methods/, sorted, then the operator's (in the places that
+ * gpu/operator_methods.h gives them), then "auto", NULL-terminated, so the API needs no renderer. */
+enum { WELKIN_METHODS_MAX = 64 };
+extern const char *welkin_method_names[WELKIN_METHODS_MAX + 1];
+/* Not 0: the method cannot be used, so the OpenAPI document (and with it the page) leaves it out. */
+extern atomic_uchar welkin_method_hidden[WELKIN_METHODS_MAX];
+/* Is it a parameter of another method than this? */
+bool welkin_field_idle(const struct welkin_field *field, int method);
 
 /* ---- faults ---- */
 

@@ -30,6 +30,8 @@ char *welkin_request_json(const struct welkin_request *request)
 	text_puts(&text, "{");
 	for (int i = 0; i < welkin_field_count; i++) {
 		const char *name = welkin_fields[i].name;
+		if (welkin_field_idle(&welkin_fields[i], request->atmosphere.method))
+			continue;
 		const size_t shared = shared_groups(before, name);
 		for (int closing = count_dots(before + shared); closing > 0; closing--)
 			text_puts(&text, "}");

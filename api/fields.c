@@ -23,7 +23,7 @@ static const char *const tone_maps[] = { "agx", "aces", "reinhard", "exponential
 
 #define AT(member) offsetof(struct welkin_request, member)
 
-const struct welkin_field welkin_fields[] = {
+static const struct welkin_field built_in[] = {
 	{ "image.width", WELKIN_TYPE_INT, "px", 1, 16384, "",
 		"Width. Default: 1280 for perspective and cubemap, 1024 for equirectangular and fisheye, 512 for "
 		"cube_face; "
@@ -183,9 +183,37 @@ const struct welkin_field welkin_fields[] = {
 		AT(seed) },
 };
 
-const int welkin_field_count = sizeof welkin_fields / sizeof welkin_fields[0];
+enum { BUILT_IN = sizeof built_in / sizeof built_in[0] };
 
-_Static_assert(sizeof welkin_fields / sizeof welkin_fields[0] <= WELKIN_FIELDS_MAX, "raise WELKIN_FIELDS_MAX");
+_Static_assert(BUILT_IN + WELKIN_METHOD_VALUES <= WELKIN_FIELDS_MAX, "raise WELKIN_FIELDS_MAX");
+
+static struct welkin_field extended[WELKIN_FIELDS_MAX];
+
+const struct welkin_field *welkin_fields = built_in;
+int welkin_field_count = BUILT_IN;
+atomic_uchar welkin_method_hidden[WELKIN_METHODS_MAX];
+
+bool welkin_field_add(const struct welkin_field *field)
+{
+	if (welkin_field_count == WELKIN_FIELDS_MAX)
+		return false;
+	if (welkin_fields == built_in)
+		memcpy(extended, built_in, sizeof built_in);
+	extended[welkin_field_count++] = *field;
+	welkin_fields = extended;
+	return true;
+}
+
+void welkin_fields_reset(void)
+{
+	welkin_fields = built_in;
+	welkin_field_count = BUILT_IN;
+}
+
+bool welkin_field_idle(const struct welkin_field *field, int method)
+{
+	return field->of_method && field->of_method - 1 != method;
+}
 
 int welkin_field_find(const char *name)
 {

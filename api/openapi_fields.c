@@ -25,6 +25,8 @@ static void add_names(cJSON *schema, const struct welkin_field *field)
 	cJSON *list = doc_array(schema, "enum");
 	for (int i = 0; field->names[i]; i++) {
 		double number;
+		if (field->names == welkin_method_names && welkin_method_hidden[i])
+			continue;
 		const bool numeric = number_parse(field->names[i], &number);
 		if (field->type != WELKIN_TYPE_INT)
 			doc_string(list, NULL, field->names[i]);
@@ -191,9 +193,17 @@ static void add_radiance_request(cJSON *schemas, const cJSON *request)
 	}
 }
 
+/* A parameter of a method that cannot be used. */
+static bool hidden(const struct welkin_field *field)
+{
+	return field->of_method && welkin_method_hidden[field->of_method - 1];
+}
+
 void openapi_parameter_refs(cJSON *list)
 {
 	for (int i = 0; i < welkin_field_count; i++) {
+		if (hidden(&welkin_fields[i]))
+			continue;
 		char pointer[128];
 		snprintf(pointer, sizeof pointer, "parameters/%s", welkin_fields[i].name);
 		doc_ref(list, NULL, pointer);
@@ -211,6 +221,8 @@ void openapi_fields(cJSON *parameters, cJSON *schemas)
 	for (int i = 0; i < welkin_field_count; i++) {
 		const char *name = welkin_fields[i].name, *dot = strrchr(name, '.');
 		char pointer[128];
+		if (hidden(&welkin_fields[i]))
+			continue;
 		snprintf(pointer, sizeof pointer, "parameters/%s/schema", name);
 		add_parameter(parameters, i, &defaults);
 		doc_ref(walk_groups(request, name), dot ? dot + 1 : name, pointer);

@@ -151,6 +151,12 @@ static void add_methods(cJSON *schemas)
 	property(item, "physical", "boolean", "Whether it uses the coefficients of the atmosphere.");
 	property_list(item, "fields", "object", "The fields it reads beside camera and sun.");
 	property_list(item, "domain", "object", "Ranges of fields outside which it is refused, and why.");
+	property(item, "operator", "boolean", "Whether it is a file in this server's --method-dir.");
+	property(item, "available", "boolean", "Whether it can be asked for.");
+	property(item, "file", "string", "An operator's method: its file.");
+	property(item, "reason", "string", "An operator's method that is not available: why.");
+	property(item, "ns_per_ray", "number",
+		"An operator's method: device time of one ray of four bands, found at start.");
 	item = property_list(item, "measured", "object", "Its error and cost in a scene at one setting.");
 	doc_object(item, "properties");
 	property(item, "scene", "string", "A calibration scene.");

@@ -11,7 +11,8 @@ struct reader {
 	struct welkin_draft *draft;
 	struct welkin_photometer *photometer; /* NULL: an image request */
 	struct welkin_faults *faults;
-	bool group_seen[WELKIN_FIELDS_MAX]; /* by the group's first field */
+	uint8_t group_seen[WELKIN_FIELDS_MAX]; /* by the group's first field, a bit for each depth: "a" and "a.b" may
+						  begin with the same */
 	bool directions_seen, wavelengths_seen;
 };
 
@@ -65,9 +66,11 @@ static bool read_photometer_member(struct reader *reader, const cJSON *json)
 	return true;
 }
 
-/* prefix is "" at the top, else ends in a dot. The depth of the tree is bounded by the scan. */
-static void read_object(struct reader *reader, const cJSON *object, const char *prefix)
+/* prefix is "" at the top, else ends in a dot. The depth of the tree is bounded by the scan, that of groups by
+ * the table. */
+static void read_object(struct reader *reader, const cJSON *object, const char *prefix, int depth)
 {
+	const uint8_t bit = (uint8_t)(1u << depth);
 	for (const cJSON *json = object->child; json; json = json->next) {
 		char name[128]; /* longer than any field's: what is cut is unknown anyway */
 		snprintf(name, sizeof name, "%s%s", prefix, json->string);
@@ -83,12 +86,12 @@ static void read_object(struct reader *reader, const cJSON *object, const char *
 			fault_unknown(reader, name);
 		} else if (!cJSON_IsObject(json)) {
 			welkin_fault_add(reader->faults, 400, name, "", "is not an object");
-		} else if (reader->group_seen[group]) {
+		} else if (reader->group_seen[group] & bit) {
 			welkin_fault_add(reader->faults, 400, name, "", "is given more than once");
 		} else {
-			reader->group_seen[group] = true;
+			reader->group_seen[group] |= bit;
 			strncat(name, ".", sizeof name - strlen(name) - 1);
-			read_object(reader, json, name);
+			read_object(reader, json, name, depth + 1);
 		}
 	}
 }
@@ -265,7 +268,7 @@ void welkin_parse_json(struct welkin_draft *draft, const char *text, size_t leng
 	if (!cJSON_IsObject(tree)) {
 		welkin_fault_add(faults, 400, "", "", "the body is not a JSON object");
 	} else {
-		read_object(&reader, tree, "");
+		read_object(&reader, tree, "", 0);
 		if (photometer && !reader.directions_seen)
 			welkin_fault_add(faults, 422, "directions", "a list of 1 to 16384", "is missing");
 		if (photometer && !reader.wavelengths_seen)

@@ -105,6 +105,9 @@ struct welkin_atmosphere {
 	double ozone_column_du, ozone_center_m, ozone_half_width_m;
 };
 
+/* Numbers that the operator's methods take, of all of them together. */
+enum { WELKIN_METHOD_VALUES = 64 };
+
 struct welkin_request {
 	struct welkin_image image;
 	int32_t reserved;
@@ -120,6 +123,7 @@ struct welkin_request {
 	double max_error, budget_ms; /* 0 budget: none */
 	uint32_t seed;
 	int32_t reserved2;
+	double method_values[WELKIN_METHOD_VALUES]; /* defaults but for the method asked for; 0 where nobody's */
 };
 
 #endif

@@ -40,7 +40,9 @@ static void fixed_defaults(struct work *w)
 {
 	for (int i = 0; i < welkin_field_count; i++) {
 		const struct welkin_field *field = &welkin_fields[i];
-		if (!w->given[i] && field->default_text[0])
+		/* A parameter of a method that is not asked for changes nothing: equal images, equal bytes. */
+		const bool idle = welkin_field_idle(field, w->r->atmosphere.method);
+		if ((!w->given[i] || idle) && field->default_text[0])
 			value_from_text(field, field->default_text, w->r, w->faults);
 	}
 	assert(w->faults->n == 0); /* the table's own text */

@@ -18,6 +18,8 @@ static size_t message_bytes(int type)
 		return head + sizeof(struct welkin_result);
 	case WELKIN_MSG_READY:
 		return head + sizeof(struct welkin_device);
+	case WELKIN_MSG_METHOD:
+		return head + sizeof(struct welkin_method_check);
 	case WELKIN_MSG_FATAL:
 		return head + sizeof(((struct welkin_message *)0)->text);
 	case WELKIN_MSG_CANCEL:

@@ -2,6 +2,7 @@
 
 #include "gpu/choose.h"
 #include "gpu/clock.h"
+#include "gpu/operator_methods.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -87,6 +88,12 @@ struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, i
 	struct frame *f = calloc(1, sizeof *f);
 	if (!f) {
 		error_set(err, "out of memory");
+		return NULL;
+	}
+	const int operators = operator_methods_find(job->request.atmosphere.method);
+	if (operators >= 0 && operator_methods_status(operators).state == OPERATOR_UNAVAILABLE) {
+		error_set(err, "the method is not available: %s", operator_methods_status(operators).reason);
+		free(f);
 		return NULL;
 	}
 	f->job = *job;

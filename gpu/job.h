@@ -79,6 +79,16 @@ enum welkin_message_type {
 	WELKIN_MSG_FATAL,  /* renderer → server: it can't start or lost its context; it exits after this */
 	WELKIN_MSG_PONG,   /* renderer → server; also sent unasked at least every 200 ms while it works */
 	WELKIN_MSG_RESULT, /* renderer → server: exactly one for each job */
+	WELKIN_MSG_METHOD, /* renderer → server, before READY: an operator's method is about to be checked, or has been
+			    */
+};
+
+/* What the renderer says about an operator's method (gpu/operator_methods.h). */
+struct welkin_method_check {
+	int32_t entry; /* as operator_methods_at() counts */
+	int32_t state; /* enum operator_state; unchecked: the check begins now */
+	double ns_per_ray;
+	char reason[400];
 };
 
 struct welkin_message {
@@ -89,6 +99,7 @@ struct welkin_message {
 		struct welkin_job job;
 		struct welkin_result result;
 		struct welkin_device device;
+		struct welkin_method_check check;
 		char text[1024];
 	};
 };

@@ -1,6 +1,7 @@
 #ifndef WELKIN_GPU_METHOD_H
 #define WELKIN_GPU_METHOD_H
 
+#include "api/api.h"
 #include "api/error.h"
 #include "api/request.h"
 
@@ -42,9 +43,13 @@ struct method {
 	 * none). Not ready: work was dispatched, call again once it is done. */
 	enum table_state (*tables)(
 		struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
+	/* An operator's method: which of request.method_values are its parameters, in the order of its MethodBlock. */
+	int operators; /* 1: from a file of the operator's, see operator_methods.h; 0: built in */
+	int first_value, n_values;
 };
 
-extern const struct method *const welkin_methods[]; /* generated; NULL-terminated */
-extern const int welkin_method_count;
+/* Generated, NULL-terminated; the operator's methods are added once, before a process starts threads. */
+extern const struct method *welkin_methods[WELKIN_METHODS_MAX + 1];
+extern int welkin_method_count;
 
 #endif

@@ -16,7 +16,7 @@
 enum { SLICE_PASSES = 128 };
 
 /* Offsets of the blocks in the uniform buffer: 256 is the largest alignment any driver asks for. */
-enum { BLOCK_STRIDE = 256, OFFSET_FRAME = 0, OFFSET_MEDIA = 256, OFFSET_BANDS = 512 };
+enum { BLOCK_STRIDE = 256, OFFSET_FRAME = 0, OFFSET_MEDIA = 256, OFFSET_METHOD = 512, OFFSET_BANDS = 768 };
 enum { OFFSET_FITTED = OFFSET_BANDS + SCENE_MAX_BATCHES * BLOCK_STRIDE, FITTED_STRIDE = 512 };
 enum { BLOCKS_BYTES = OFFSET_FITTED + SCENE_MAX_BATCHES * FITTED_STRIDE };
 
@@ -69,6 +69,7 @@ void passes_blocks(struct passes *passes, const struct scene *scene)
 	unsigned char bytes[BLOCKS_BYTES];
 	memcpy(bytes + OFFSET_FRAME, &scene->frame, sizeof scene->frame);
 	memcpy(bytes + OFFSET_MEDIA, &scene->media, sizeof scene->media);
+	memcpy(bytes + OFFSET_METHOD, scene->method_values, sizeof scene->method_values);
 	for (int i = 0; i < scene->n_batches; i++)
 		memcpy(bytes + OFFSET_BANDS + i * BLOCK_STRIDE, &scene->batches[i], sizeof scene->batches[i]);
 	glNamedBufferSubData(passes->blocks, 0, OFFSET_BANDS + scene->n_batches * BLOCK_STRIDE, bytes);
@@ -91,12 +92,12 @@ void passes_texture(struct passes *passes, unsigned unit, unsigned texture)
 
 static void bind(const struct passes *passes, const struct pass *pass)
 {
-	const GLuint uniform[4] = { passes->blocks, passes->blocks, passes->blocks, passes->blocks };
-	const GLintptr offsets[4] = { OFFSET_FRAME, OFFSET_MEDIA, OFFSET_BANDS + pass->batch * BLOCK_STRIDE,
-		OFFSET_FITTED + pass->batch * FITTED_STRIDE };
-	const GLsizeiptr sizes[4] = { sizeof(struct FrameBlock), sizeof(struct MediaBlock), sizeof(struct BandsBlock),
-		sizeof(struct FittedBlock) };
-	glBindBuffersRange(GL_UNIFORM_BUFFER, BIND_FRAME, 4, uniform, offsets, sizes);
+	const GLuint uniform[] = { passes->blocks, passes->blocks, passes->blocks, passes->blocks, passes->blocks };
+	const GLintptr offsets[] = { OFFSET_FRAME, OFFSET_MEDIA, OFFSET_BANDS + pass->batch * BLOCK_STRIDE,
+		OFFSET_FITTED + pass->batch * FITTED_STRIDE, OFFSET_METHOD };
+	const GLsizeiptr sizes[] = { sizeof(struct FrameBlock), sizeof(struct MediaBlock), sizeof(struct BandsBlock),
+		sizeof(struct FittedBlock), METHOD_VALUES * sizeof(float) };
+	glBindBuffersRange(GL_UNIFORM_BUFFER, BIND_FRAME, 5, uniform, offsets, sizes);
 	GLuint storage[PASS_STORAGE];
 	memcpy(storage, pass->storage, sizeof storage);
 	storage[BIND_NODES] = passes->nodes;

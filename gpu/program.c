@@ -8,10 +8,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PROGRAMS_MAX = 128, FILES_MAX = 32, DEPTH_MAX = 8, STRETCHES_MAX = 2 * FILES_MAX + 64 };
+enum { PROGRAMS_MAX = 192, ADDED_MAX = 64, FILES_MAX = 32, DEPTH_MAX = 8, STRETCHES_MAX = 2 * FILES_MAX + 64 };
+
+/* A file that is not in the folder of shaders. */
+struct added {
+	char name[64], shown[64];
+	char *text;
+};
 
 struct programs {
 	char dir[512];
+	int n_added;
+	struct added added[ADDED_MAX];
 	int n;
 	struct program list[PROGRAMS_MAX];
 };
@@ -20,6 +28,7 @@ struct programs {
  * #line would be simpler, but Mesa forgets its file number in some of them. */
 struct assembly {
 	const char *dir;
+	const struct programs *programs; /* whose added files count; NULL: none */
 	FILE *out;
 	int line; /* written so far */
 	int n_files, n_stretches;
@@ -28,6 +37,14 @@ struct assembly {
 		int first, file, line; /* from output line `first` on: lines of that file from `line` on */
 	} stretches[STRETCHES_MAX];
 };
+
+static const struct added *find_added(const struct programs *programs, const char *name)
+{
+	for (int i = 0; programs && i < programs->n_added; i++)
+		if (strcmp(programs->added[i].name, name) == 0)
+			return &programs->added[i];
+	return NULL;
+}
 
 static char *read_text(const char *dir, const char *name, struct error *err)
 {
@@ -89,7 +106,8 @@ static bool append_file(struct assembly *a, const char *name, int depth, struct 
 		return error_set(err, "%s: too many includes", name);
 	const int number = a->n_files++;
 	snprintf(a->files[number], sizeof a->files[number], "%s", name);
-	char *text = read_text(a->dir, name, err);
+	const struct added *added = find_added(a->programs, name);
+	char *text = added ? strdup(added->text) : read_text(a->dir, name, err);
 	if (!text)
 		return false;
 	int line_number = 1;
@@ -152,7 +170,9 @@ static void write_place(FILE *out, const struct assembly *a, int line)
 	int i = a->n_stretches - 1;
 	while (i > 0 && a->stretches[i].first > line)
 		i--;
-	fprintf(out, "%s:%d", a->files[a->stretches[i].file], a->stretches[i].line + line - a->stretches[i].first);
+	const char *file = a->files[a->stretches[i].file];
+	const struct added *added = find_added(a->programs, file);
+	fprintf(out, "%s:%d", added ? added->shown : file, a->stretches[i].line + line - a->stretches[i].first);
 }
 
 /* Drivers write "0:12(5): error: …" or "0(12) : error …"; we say "sky.glsl:7(5): error: …". */
@@ -174,9 +194,9 @@ static void explain(const struct assembly *a, const char *name, const char *log,
 	error_set(err, "shader %s: %s", name, text);
 }
 
-static unsigned build(const char *dir, const char *name, const char *choices, struct error *err)
+static unsigned build(const struct programs *programs, const char *name, const char *choices, struct error *err)
 {
-	struct assembly a = { .dir = dir };
+	struct assembly a = { .dir = programs->dir, .programs = programs };
 	char *source = assemble(&a, name, choices, err);
 	if (!source)
 		return 0;
@@ -221,7 +241,22 @@ void programs_destroy(struct programs *programs)
 		return;
 	for (int i = 0; i < programs->n; i++)
 		glDeleteProgram(programs->list[i].id);
+	for (int i = 0; i < programs->n_added; i++)
+		free(programs->added[i].text);
 	free(programs);
+}
+
+bool programs_add_file(struct programs *programs, const char *name, const char *shown, char *text)
+{
+	if (!text || programs->n_added == ADDED_MAX) {
+		free(text);
+		return false;
+	}
+	struct added *added = &programs->added[programs->n_added++];
+	snprintf(added->name, sizeof added->name, "%s", name);
+	snprintf(added->shown, sizeof added->shown, "%s", shown);
+	added->text = text;
+	return true;
 }
 
 const struct program *programs_get(struct programs *programs, const char *name, const char *choices, struct error *err)
@@ -235,7 +270,7 @@ const struct program *programs_get(struct programs *programs, const char *name, 
 		error_set(err, "more than %d programs", PROGRAMS_MAX);
 		return NULL;
 	}
-	const unsigned id = build(programs->dir, name, choices, err);
+	const unsigned id = build(programs, name, choices, err);
 	if (!id)
 		return NULL;
 	struct program *p = &programs->list[programs->n++];

@@ -19,6 +19,10 @@ struct program {
 		has_box; /* which plain uniforms of shared.h it uses */
 };
 
+/* Adds a file that is in memory: `name` is how programs_get() and #include lines know it, in front of all others;
+ * `shown` is how messages call it. text becomes the callee's, malloc'd. false: out of memory. */
+bool programs_add_file(struct programs *programs, const char *name, const char *shown, char *text);
+
 /* choices: macros that fix what is otherwise read from a block, "PROJECTION=1 TONE=0"; "" for none.
  * llvmpipe runs both sides of every branch, so a branch that could have been decided here costs as
  * much as if it were taken. NULL with file and line of the first fault in err. The pointer is good

@@ -8,6 +8,7 @@
 #include "gpu/clock.h"
 #include "gpu/device.h"
 #include "gpu/frame.h"
+#include "gpu/operator_check.h"
 #include "gpu/warmup.h"
 
 #include <math.h>
@@ -201,6 +202,49 @@ static bool serve(struct renderer *r, struct error *err)
 	}
 }
 
+static void say_alive(void *cls)
+{
+	struct renderer *r = cls;
+	if (clock_ms() - r->last_pong_ms >= pong_every_ms)
+		send_bare(r, WELKIN_MSG_PONG, 0);
+}
+
+static void send_check(struct renderer *r, int entry)
+{
+	const struct operator_status status = operator_methods_status(entry);
+	struct welkin_message message;
+	memset(&message, 0, offsetof(struct welkin_message, job) + sizeof message.check);
+	message.type = WELKIN_MSG_METHOD;
+	message.check.entry = entry;
+	message.check.state = (int32_t)status.state;
+	message.check.ns_per_ray = status.ns_per_ray;
+	snprintf(message.check.reason, sizeof message.check.reason, "%s", status.reason);
+	if (!welkin_send(r->fd, &message, -1, NULL))
+		r->closed = true;
+}
+
+/* The operator's methods: compiled and tried, each announced before, so that the server knows which one
+ * the device did not survive. false: the context is of no more use. */
+static bool check_methods(struct renderer *r, const struct welkin_renderer_config *config, struct error *err)
+{
+	if (config->methods_fd <= 0)
+		return true;
+	const bool received = operator_methods_receive(config->methods_fd, err);
+	close(config->methods_fd);
+	if (!received || !operator_check_prepare(r->ws.programs, err))
+		return false;
+	operator_methods_take_states(config->method_states);
+	for (int i = 0; i < operator_methods_count() && !r->closed; i++) {
+		if (operator_methods_status(i).state != OPERATOR_UNCHECKED)
+			continue;
+		send_check(r, i);
+		if (!operator_check(&r->ws, i, say_alive, r, err))
+			return false;
+		send_check(r, i);
+	}
+	return true;
+}
+
 static bool start(struct renderer *r, const struct welkin_renderer_config *config, struct error *err)
 {
 	if (!device_open(&r->device, config->device, err) || !workspace_init(&r->ws, &r->device, config->shader_dir,
@@ -208,6 +252,8 @@ static bool start(struct renderer *r, const struct welkin_renderer_config *confi
 		return false;
 	const double start_ms = clock_ms();
 	if (config->warmup && !warm_up(&r->ws, err))
+		return false;
+	if (!check_methods(r, config, err))
 		return false;
 	r->device.info.warmup_ms = clock_ms() - start_ms;
 	return true;

@@ -10,7 +10,9 @@ struct welkin_renderer_config {
 	char shader_dir[512]; /* "" for the embedded shaders */
 	double slice_ms;      /* aimed length of one dispatch between two looks at the socket */
 	double table_budget_mib;
-	int warmup; /* 0 or 1: compile every method and render a small frame with each before ready */
+	int methods_fd;         /* the operator's methods as operator_methods_bundle() made them; 0: none */
+	char method_states[40]; /* what is known of them (operator_methods_states()): '?' is checked before ready */
+	int warmup;             /* 0 or 1: compile every method and render a small frame with each before ready */
 };
 
 /* Serves jobs from the socket until the peer closes it. Returns the exit status. It sends READY

@@ -4,6 +4,7 @@
  */
 #include "gpu/scene.h"
 
+#include "gpu/method.h"
 #include "gpu/spectrum.h"
 
 #include <math.h>
@@ -241,6 +242,14 @@ static void set_bands(struct scene *scene, const struct welkin_request *request,
 	}
 }
 
+static void set_method_values(struct scene *scene, const struct welkin_request *request)
+{
+	const int index = request->atmosphere.method;
+	const struct method *method = index >= 0 && index < welkin_method_count ? welkin_methods[index] : NULL;
+	for (int i = 0; method && i < method->n_values; i++)
+		scene->method_values[i] = (float)request->method_values[method->first_value + i];
+}
+
 void scene_prepare(struct scene *scene, const struct welkin_request *request, const double *wavelengths_nm, int n)
 {
 	memset(scene, 0, offsetof(struct scene, nodes));
@@ -258,4 +267,5 @@ void scene_prepare(struct scene *scene, const struct welkin_request *request, co
 	set_media(scene, &request->atmosphere);
 	scene->media.sun_intensity = (float)request->sun.intensity;
 	set_bands(scene, request, wavelengths_nm, n);
+	set_method_values(scene, request);
 }

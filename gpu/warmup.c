@@ -103,7 +103,7 @@ bool warm_up(struct workspace *ws, struct error *err)
 	if (!default_request(&request, err))
 		return false;
 	for (int method = 0; method < welkin_method_count; method++)
-		if (!warm_method(ws, &request, method, err))
+		if (!welkin_methods[method]->operators && !warm_method(ws, &request, method, err))
 			return false;
 	for (int method = 0; method < welkin_method_count; method++)
 		if (strcmp(welkin_methods[method]->name, "gradient") == 0)

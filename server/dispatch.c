@@ -1,4 +1,5 @@
 #include "server/dispatch.h"
+#include "gpu/operator_methods.h"
 #include "server/clock.h"
 #include "server/domain.h"
 #include "server/log.h"
@@ -225,6 +226,34 @@ void dispatch_on_ready(void *cls, const struct welkin_device *device)
 	dispatch_tell(&settled);
 }
 
+/* The renderer was lost with this in hand, which may be the fault of the operator's methods among it. One that is
+ * there each time is switched off, and whoever waits for it is told. */
+static void blame_methods(struct service *s, const char *reason, struct settled *settled)
+{
+	bool running[OPERATOR_METHODS_MAX] = { false };
+	struct queue_item *next;
+	for (struct queue_item *i = s->queue.running.next; i != &s->queue.running; i = i->next) {
+		const int entry = operator_methods_find(RENDER_OF(i, item)->job.request.atmosphere.method);
+		if (entry >= 0)
+			running[entry] = true;
+	}
+	for (int entry = 0; entry < operator_methods_count(); entry++) {
+		if (!running[entry] || !operator_methods_blame(entry, reason))
+			continue;
+		log_event(LEVEL_ERROR, "method_unavailable", "file=\"%s\" reason=\"%s\"",
+			operator_methods_at(entry)->file, operator_methods_status(entry).reason);
+		for (struct queue_item *i = s->queue.waiting.next; i != &s->queue.waiting; i = next) {
+			struct render *r = RENDER_OF(i, item);
+			next = i->next;
+			if (operator_methods_find(r->job.request.atmosphere.method) != entry)
+				continue;
+			dispatch_settle_all(settled, r, OUTCOME_UNAVAILABLE,
+				"The method is not available any more; see /v1/methods.", 1);
+			dispatch_drop(r, true);
+		}
+	}
+}
+
 void dispatch_on_lost(void *cls, const char *reason, bool was_ready)
 {
 	struct service *s = cls;
@@ -235,6 +264,8 @@ void dispatch_on_lost(void *cls, const char *reason, bool was_ready)
 	s->proved_us = 0;
 	snprintf(s->failure, sizeof s->failure, "%s", reason);
 	s->failures += !was_ready;
+	if (was_ready)
+		blame_methods(s, reason, &settled);
 	const int retry_after_s = queue_retry_after_s(&s->queue);
 	while (s->queue.running.next != &s->queue.running) {
 		struct render *r = RENDER_OF(s->queue.running.next, item);

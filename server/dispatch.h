@@ -53,6 +53,7 @@ struct service {
 	int64_t proved_us; /* the last success; 0: none of this renderer */
 	int64_t probed_us;
 	int started_fd;
+	int methods_fd;     /* the operator's methods, for every renderer; -1: none */
 	int64_t trimmed_us; /* the supervisor's thread only */
 
 	unsigned long long hits, misses;

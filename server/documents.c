@@ -2,7 +2,7 @@
 #include "api/api.h"
 #include "api/text.h"
 #include "gpu/measured.h"
-#include "gpu/method.h"
+#include "gpu/operator_methods.h"
 #include "server/version.h"
 
 #include <math.h>
@@ -112,6 +112,19 @@ static void add_measured(struct text *text, const struct method *m)
 	text_puts(text, "]");
 }
 
+static void add_operators(struct text *text, const struct operator_method *m, const struct operator_status *status)
+{
+	text_printf(
+		text, ",\"operator\":true,\"available\":%s,", status->state == OPERATOR_UNAVAILABLE ? "false" : "true");
+	add_member(text, "file", m->file);
+	if (status->state == OPERATOR_UNAVAILABLE) {
+		text_puts(text, ",");
+		add_member(text, "reason", status->reason);
+	}
+	if (status->ns_per_ray > 0)
+		text_printf(text, ",\"ns_per_ray\":%.1f", status->ns_per_ray);
+}
+
 static void add_method(struct text *text, const struct method *m)
 {
 	text_puts(text, "{");
@@ -137,7 +150,6 @@ static void add_method(struct text *text, const struct method *m)
 	}
 	text_puts(text, "]");
 	add_measured(text, m);
-	text_puts(text, "}");
 }
 
 static char *methods_json(void)
@@ -149,12 +161,38 @@ static char *methods_json(void)
 	for (int i = 0; i < welkin_method_count; i++) {
 		text_puts(&text, i ? ",\n" : "");
 		add_method(&text, welkin_methods[i]);
+		const int entry = operator_methods_find(i);
+		if (entry < 0) {
+			text_puts(&text, ",\"operator\":false,\"available\":true}");
+			continue;
+		}
+		const struct operator_status status = operator_methods_status(entry);
+		add_operators(&text, operator_methods_at(entry), &status);
+		text_puts(&text, "}");
+	}
+	/* Files whose names can't be asked for: here an operator sees why. */
+	for (int entry = 0; entry < operator_methods_count(); entry++) {
+		const struct operator_method *m = operator_methods_at(entry);
+		const struct operator_status status = operator_methods_status(entry);
+		if (m->index >= 0)
+			continue;
+		text_puts(&text, ",\n{");
+		add_member(&text, "name", m->file);
+		add_operators(&text, m, &status);
+		text_puts(&text, "}");
 	}
 	text_puts(&text, "\n]}\n");
 	return text_take(&text);
 }
 
 /* ---- all of them ---- */
+
+/* All of them at one time; those before are kept, since a reply may still be reading them. */
+struct documents_made {
+	struct document list[DOCUMENT_COUNT];
+	unsigned changes; /* operator_methods_changes() when it was made */
+	struct documents_made *before;
+};
 
 static bool make(struct document *d, char *json)
 {
@@ -165,6 +203,42 @@ static bool make(struct document *d, char *json)
 	return true;
 }
 
+static void free_made(struct documents_made *made)
+{
+	for (int i = 0; made && i < DOCUMENT_COUNT; i++)
+		free(made->list[i].owned);
+	free(made);
+}
+
+static struct documents_made *make_all(void)
+{
+	struct documents_made *made = calloc(1, sizeof *made);
+	if (!made)
+		return NULL;
+	made->changes = operator_methods_changes();
+	if (make(&made->list[DOCUMENT_METHODS], methods_json()) &&
+		make(&made->list[DOCUMENT_PRESETS], welkin_presets_json()) &&
+		make(&made->list[DOCUMENT_OPENAPI], welkin_openapi_json(build_version)))
+		return made;
+	free_made(made);
+	return NULL;
+}
+
+const struct document *documents_made(struct documents *documents, int which)
+{
+	pthread_mutex_lock(&documents->lock);
+	if (documents->newest->changes != operator_methods_changes()) {
+		struct documents_made *made = make_all();
+		if (made) { /* without memory the old ones have to do */
+			made->before = documents->newest;
+			documents->newest = made;
+		}
+	}
+	const struct document *document = &documents->newest->list[which];
+	pthread_mutex_unlock(&documents->lock);
+	return document;
+}
+
 struct documents *documents_create(struct error *err)
 {
 	size_t n = 0;
@@ -173,13 +247,12 @@ struct documents *documents_create(struct error *err)
 	struct documents *d = calloc(1, sizeof *d);
 	if (d)
 		d->files = calloc(n + 1, sizeof *d->files);
-	if (!d || !d->files || !make(&d->made[DOCUMENT_METHODS], methods_json()) ||
-		!make(&d->made[DOCUMENT_PRESETS], welkin_presets_json()) ||
-		!make(&d->made[DOCUMENT_OPENAPI], welkin_openapi_json(build_version))) {
+	if (!d || !d->files || !(d->newest = make_all())) {
 		documents_destroy(d);
 		error_set(err, "out of memory");
 		return NULL;
 	}
+	pthread_mutex_init(&d->lock, NULL);
 	for (size_t i = 0; i < n; i++) {
 		const struct embedded_file *f = &welkin_embedded_www[i];
 		d->files[i] =
@@ -193,8 +266,11 @@ void documents_destroy(struct documents *documents)
 {
 	if (!documents)
 		return;
-	for (int i = 0; i < DOCUMENT_COUNT; i++)
-		free(documents->made[i].owned);
+	while (documents->newest) {
+		struct documents_made *made = documents->newest;
+		documents->newest = made->before;
+		free_made(made);
+	}
 	free(documents->files);
 	free(documents);
 }

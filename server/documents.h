@@ -4,7 +4,10 @@
 #include "api/embed.h"
 #include "api/error.h"
 
-/* What is served as it is: JSON made once from the tables, and the files of the page. */
+#include <pthread.h>
+
+/* What is served as it is: JSON made from the tables, and the files of the page. The JSON is made anew when an
+ * operator's method turns out to be of no use; what was given out before lives as long as the documents do. */
 
 struct document {
 	const char *type; /* media type */
@@ -18,12 +21,16 @@ struct document {
 enum { DOCUMENT_METHODS, DOCUMENT_PRESETS, DOCUMENT_OPENAPI, DOCUMENT_COUNT };
 
 struct documents {
-	struct document made[DOCUMENT_COUNT];
-	struct document *files; /* one for each of welkin_embedded_www */
+	pthread_mutex_t lock;
+	struct documents_made *newest; /* under the lock */
+	struct document *files;        /* one for each of welkin_embedded_www */
 };
 
 struct documents *documents_create(struct error *err);
 void documents_destroy(struct documents *documents);
+
+/* DOCUMENT_…, as things stand now. From any thread; good until documents_destroy. */
+const struct document *documents_made(struct documents *documents, int which);
 
 /* The embedded file behind a path ("/" is index.html), or NULL. */
 const struct embedded_file *documents_file(const char *path);

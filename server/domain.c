@@ -1,5 +1,6 @@
 #include "server/domain.h"
 #include "gpu/choose.h"
+#include "gpu/operator_methods.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -10,7 +11,7 @@ static const struct method *alternative(const struct welkin_request *request)
 	const struct method *found = NULL;
 	for (int i = 0; i < welkin_method_count; i++) {
 		const struct method *m = welkin_methods[i];
-		if (i != request->atmosphere.method && method_can_do(m, request) &&
+		if (i != request->atmosphere.method && !m->operators && method_can_do(m, request) &&
 			(!found || (m->physical && !found->physical)))
 			found = m;
 	}
@@ -23,6 +24,14 @@ void domain_check(const struct welkin_request *request, struct welkin_faults *fa
 	if (faults->n || index < 0 || index >= welkin_method_count)
 		return;
 	const struct method *method = welkin_methods[index];
+	const int entry = operator_methods_find(index);
+	const struct operator_status status =
+		entry >= 0 ? operator_methods_status(entry) : (struct operator_status){ .state = OPERATOR_AVAILABLE };
+	if (status.state == OPERATOR_UNAVAILABLE) {
+		welkin_fault_add(faults, 422, "atmosphere.method", "see /v1/methods",
+			"the method %s is not available: %s", method->name, status.reason);
+		return;
+	}
 	for (const struct method_range *r = method->domain; r && r->field; r++) {
 		double value = 0;
 		if (method_range_holds(r, request, &value))

@@ -1,7 +1,6 @@
 #include "api/api.h"
-#include "gpu/measured.h"
-#include "gpu/method.h"
 #include "gpu/renderer.h"
+#include "server/methods.h"
 #include "server/options.h"
 #include "server/render.h"
 #include "server/serve.h"
@@ -20,7 +19,7 @@ static void usage(FILE *out)
 	      "  welkin serve [OPTION…]                     answer HTTP requests until SIGTERM\n"
 	      "  welkin render REQUEST.json|- -o OUT.png    render one request to a file (welkin render --help)\n"
 	      "  welkin devices                             list the devices that can render\n"
-	      "  welkin methods                             list the ways to compute a sky\n"
+	      "  welkin methods [--method-dir DIR]          list the ways to compute a sky; checks those in DIR\n"
 	      "  welkin --version | --help\n\n"
 	      "Options of serve; each also in the environment and in a configuration file:\n",
 		out);
@@ -41,41 +40,6 @@ static int devices_command(void)
 	return 1;
 }
 
-/* The best setting of a method by what was measured in one scene: its error, and time of a 1280×720 frame. */
-static void print_measured(const struct method *m, int scene)
-{
-	const struct measured_point *best = NULL;
-	for (const struct measured_point *p = welkin_measured; p->method; p++)
-		if (p->scene == scene && !strcmp(p->method, m->name) && p->in_domain &&
-			(!best || p->error < best->error))
-			best = p;
-	if (!best)
-		return;
-	printf("%-14s %-18s error %7.3f %%, %10.1f ms", "", welkin_measured_scenes[scene].name, 100 * best->error,
-		measured_ms(best, 1280 * 720));
-	if (best->steps || best->light_steps)
-		printf(" (%d steps)", best->steps ? best->steps : best->light_steps);
-	printf("\n");
-}
-
-static int methods_command(void)
-{
-	printf("Errors (relative RMS of luminance) of each method's best setting, and device time of a 1280x720 frame "
-	       "on\n%s\n\n",
-		welkin_measured_device);
-	for (int i = 0; i < welkin_method_count; i++) {
-		const struct method *m = welkin_methods[i];
-		printf("%-14s %s\n%-14s source: %s\n", m->name, m->summary ? m->summary : "", "",
-			m->source ? m->source : "");
-		for (const struct method_range *r = m->domain; r && r->field; r++)
-			printf("%-14s domain: %s from %.9g to %.9g (%s)\n", "", r->field, r->min, r->max,
-				r->why ? r->why : "");
-		for (int scene = 0; welkin_measured_scenes[scene].name; scene++)
-			print_measured(m, scene);
-	}
-	return 0;
-}
-
 /* `welkin renderer --fd N …`: how the supervisor starts the renderer process; not for people. */
 static int renderer_command(int argc, char **argv)
 {
@@ -94,6 +58,12 @@ static int renderer_command(int argc, char **argv)
 			config.slice_ms = atof(argv[i + 1]);
 		else if (!strcmp(argv[i], "--table-mib"))
 			config.table_budget_mib = atof(argv[i + 1]);
+		else if (!strcmp(argv[i], "--warmup"))
+			config.warmup = atoi(argv[i + 1]);
+		else if (!strcmp(argv[i], "--methods-fd"))
+			config.methods_fd = atoi(argv[i + 1]);
+		else if (!strcmp(argv[i], "--method-states"))
+			snprintf(config.method_states, sizeof config.method_states, "%s", argv[i + 1]);
 	}
 	if (fd < 0) {
 		fprintf(stderr, "welkin renderer: started by `welkin serve` only\n");
@@ -116,8 +86,8 @@ int main(int argc, char **argv)
 		return renderer_command(argc - 1, argv + 1);
 	if (argc == 2 && !strcmp(command, "devices"))
 		return devices_command();
-	if (argc == 2 && !strcmp(command, "methods"))
-		return methods_command();
+	if (!strcmp(command, "methods"))
+		return methods_command(argc - 2, argv + 2);
 	if (argc == 2 && !strcmp(command, "--version")) {
 		printf("%s\n", build_name);
 		return 0;
@@ -128,7 +98,7 @@ int main(int argc, char **argv)
 	}
 	if (argc < 2)
 		fprintf(stderr, "welkin: a command is needed: serve, render, devices, methods, --version or --help\n");
-	else if (argc > 2 && (!strcmp(command, "devices") || !strcmp(command, "methods") || !strncmp(command, "--", 2)))
+	else if (argc > 2 && (!strcmp(command, "devices") || !strncmp(command, "--", 2)))
 		fprintf(stderr, "welkin: %s takes no arguments\n", command);
 	else
 		fprintf(stderr, "welkin: unknown command \"%s\"; see welkin --help\n", command);

@@ -34,6 +34,7 @@ static const struct option table[] = {
 	{ "device", STRING(device), "auto", 0, 0, "auto|software|N",
 		"device to render on; N as `welkin devices` counts" },
 	{ "shader-dir", STRING(shader_dir), "", 0, 0, "DIR", "read shaders from DIR instead of the built-in ones" },
+	{ "method-dir", STRING(method_dir), "", 0, 0, "DIR", "methods of your own: each NAME.glsl in DIR is one" },
 	{ "renderer", STRING(renderer), "", 0, 0, "PROGRAM",
 		"program to start as the renderer process instead of this one" },
 	{ "log-level", STRING(log_level), "info", 0, 0, "LEVEL", "error, warn, info or debug" },

@@ -14,6 +14,7 @@ struct options {
 	char config[512];
 	char device[64];
 	char shader_dir[512];
+	char method_dir[512];
 	char renderer[512]; /* program to start as the renderer process; "" for this one */
 	char log_level[16];
 	double max_pixels;

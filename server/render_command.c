@@ -2,6 +2,7 @@
 
 #include "api/api.h"
 #include "api/text.h"
+#include "gpu/operator_methods.h"
 #include "server/buffer.h"
 #include "server/clock.h"
 #include "server/domain.h"
@@ -37,7 +38,7 @@ struct command {
 	const char *request_path; /* NULL: none */
 	const char *out_path;
 	enum output output;
-	const char *device, *shader_dir;
+	const char *device, *shader_dir, *method_dir;
 	char *fields[MAX_FIELD_ARGUMENTS]; /* NAME=VALUE */
 	int n_fields;
 };
@@ -57,13 +58,28 @@ static int complain(const char *format, ...)
 	return EXIT_BAD_REQUEST;
 }
 
+static const char *setting(const char *option, const char *variable, const char *fallback)
+{
+	const char *value = option ? option : getenv(variable);
+	return value ? value : fallback;
+}
+
+/* Before the request is read: they bring fields of their own. */
+static int read_methods(const struct command *command)
+{
+	struct error err;
+	const char *dir = setting(command->method_dir, "WELKIN_METHOD_DIR", "");
+	return operator_methods_read(dir, &err) ? EXIT_DONE : complain("%s", err.text);
+}
+
 static int help(void)
 {
+	const int status = read_methods(&(struct command){ 0 });
 	char *fields = welkin_fields_help();
-	if (!fields)
-		return complain("out of memory");
+	if (status || !fields)
+		return status ? status : complain("out of memory");
 	printf("Usage: welkin render [REQUEST.json|-] -o OUT.png|OUT.exr|OUT.json [--device auto|software|N]\n"
-	       "                     [--shader-dir DIR] [NAME=VALUE ...]\n"
+	       "                     [--shader-dir DIR] [--method-dir DIR] [NAME=VALUE ...]\n"
 	       "\n"
 	       "Renders one request to a file, as the daemon would. The request is a JSON object of nested fields, on\n"
 	       "standard input for -; NAME=VALUE sets or overrides one field by its dotted name, and is enough "
@@ -73,7 +89,8 @@ static int help(void)
 	       "what a render of the image reports about itself. Faults of the request: one line each, status 2. A\n"
 	       "render that fails: status 1.\n"
 	       "\n"
-	       "Environment: WELKIN_DEVICE, WELKIN_SHADER_DIR and WELKIN_RENDERER, as for welkin serve.\n"
+	       "Environment: WELKIN_DEVICE, WELKIN_SHADER_DIR, WELKIN_METHOD_DIR and WELKIN_RENDERER, as for welkin "
+	       "serve.\n"
 	       "\n"
 	       "Fields, with what they allow and their [default]:\n%s",
 		fields);
@@ -120,6 +137,8 @@ static int read_arguments(struct command *command, int argc, char **argv)
 			command->device = value;
 		else if ((value = option_value(argc, argv, &i, "--shader-dir", &missing)))
 			command->shader_dir = value;
+		else if ((value = option_value(argc, argv, &i, "--method-dir", &missing)))
+			command->method_dir = value;
 		else if (argv[i][0] == '-' && argv[i][1])
 			return complain("unknown option %s; see welkin render --help", argv[i]);
 		else if (strchr(argv[i], '=') && command->n_fields == MAX_FIELD_ARGUMENTS)
@@ -235,6 +254,7 @@ static int read_request(
 struct run {
 	struct supervisor *supervisor; /* NULL until supervisor_start() has returned */
 	struct buffer_pool pool;
+	int methods_fd; /* -1: no methods of the operator's */
 	struct buffer *buffer;
 	struct product *product;
 	pthread_mutex_t lock;
@@ -291,12 +311,6 @@ static bool wait_for(struct run *run, const bool *flag)
 	return well;
 }
 
-static const char *setting(const char *option, const char *variable, const char *fallback)
-{
-	const char *value = option ? option : getenv(variable);
-	return value ? value : fallback;
-}
-
 /* Fills in run->product from start to result; the reason is in run->failure otherwise. */
 static bool render(const struct command *command, struct run *run)
 {
@@ -305,6 +319,7 @@ static bool render(const struct command *command, struct run *run)
 		.shader_dir = setting(command->shader_dir, "WELKIN_SHADER_DIR", ""),
 		.slice_ms = 50, /* nobody else waits for the device */
 		.table_mib = 256,
+		.methods_fd = run->methods_fd,
 		.watchdog_s = 60,
 		.startup_s = 180,
 		.ready = on_ready,
@@ -410,6 +425,20 @@ static bool encode(const struct command *command, struct run *run, struct error 
 	return product_encode(run->product, run->buffer->map, threads, err);
 }
 
+/* For the renderer, which then checks the one that is asked for and no other. */
+static bool bundle_methods(struct run *run, const struct welkin_request *request, struct error *err)
+{
+	static const struct operator_status unasked = { .state = OPERATOR_AVAILABLE };
+	const int asked = operator_methods_find(request->atmosphere.method);
+	if (asked < 0)
+		return true;
+	for (int i = 0; i < operator_methods_count(); i++)
+		if (i != asked)
+			operator_methods_report(i, &unasked);
+	run->methods_fd = operator_methods_bundle(err);
+	return run->methods_fd >= 0;
+}
+
 static bool prepare(struct run *run, const struct welkin_request *request, const struct welkin_photometer *photometer,
 	struct error *err)
 {
@@ -437,11 +466,11 @@ static bool prepare(struct run *run, const struct welkin_request *request, const
 static int render_to_file(const struct command *command, const struct welkin_request *request,
 	const struct welkin_photometer *photometer, int64_t start_us)
 {
-	struct run run = { .lock = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER };
+	struct run run = { .lock = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER, .methods_fd = -1 };
 	struct error err;
 	bool done = false;
 	buffer_pool_init(&run.pool, 0);
-	if (!prepare(&run, request, photometer, &err))
+	if (!bundle_methods(&run, request, &err) || !prepare(&run, request, photometer, &err))
 		complain("%s", err.text);
 	else if (!render(command, &run))
 		complain("%s", run.failure);
@@ -454,6 +483,8 @@ static int render_to_file(const struct command *command, const struct welkin_req
 	supervisor_stop(run.supervisor);
 	buffer_destroy(run.buffer);
 	buffer_pool_finish(&run.pool);
+	if (run.methods_fd >= 0)
+		close(run.methods_fd);
 	product_unref(run.product);
 	return done ? EXIT_DONE : EXIT_FAILED;
 }
@@ -469,6 +500,8 @@ int welkin_render_command(int argc, char **argv)
 			return help();
 	}
 	int status = read_arguments(&command, argc, argv);
+	if (!status)
+		status = read_methods(&command);
 	if (!status)
 		status = read_request(&command, &request, &photometer);
 	if (!status) {

@@ -1,3 +1,4 @@
+#include "gpu/operator_methods.h"
 #include "server/domain.h"
 #include "server/http.h"
 #include "server/negotiate.h"
@@ -33,7 +34,10 @@ static void make_key(struct call *call)
 	char salt[256];
 	const struct welkin_device device = service_device(call->http->service);
 	call->keyed = !call->request.image.embed_timing;
-	snprintf(salt, sizeof salt, "%s|%s", build_name, device.name);
+	/* The file of an operator's method is as much a part of the build as a shader of ours. */
+	const int entry = operator_methods_find(call->request.atmosphere.method);
+	snprintf(salt, sizeof salt, "%s|%s|%s", build_name, device.name,
+		entry >= 0 ? operator_methods_at(entry)->digest : "");
 	if (call->keyed)
 		welkin_request_key(&call->request, salt, call->key);
 }
@@ -116,7 +120,7 @@ static enum MHD_Result answer_radiance(struct call *call)
 
 static enum MHD_Result answer_document(struct call *call)
 {
-	return reply_document(call, &call->http->documents->made[call->resource->argument]);
+	return reply_document(call, documents_made(call->http->documents, call->resource->argument));
 }
 
 static enum MHD_Result answer_page(struct call *call)

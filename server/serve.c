@@ -1,4 +1,5 @@
 #include "server/serve.h"
+#include "gpu/operator_methods.h"
 #include "server/admin.h"
 #include "server/clock.h"
 #include "server/http.h"
@@ -60,6 +61,23 @@ static bool wait_until_started(struct server *server, struct error *err)
 	return true;
 }
 
+/* Reads them and says what is wrong with those that can be told without a renderer. */
+static bool read_methods(const char *dir, struct error *err)
+{
+	if (!operator_methods_read(dir, err))
+		return false;
+	for (int i = 0; i < operator_methods_count(); i++) {
+		const struct operator_status status = operator_methods_status(i);
+		if (status.state == OPERATOR_UNAVAILABLE)
+			log_event(LEVEL_ERROR, "method_unavailable", "file=\"%s\" reason=\"%s\"",
+				operator_methods_at(i)->file, status.reason);
+	}
+	if (operator_methods_left_out())
+		log_event(LEVEL_ERROR, "methods_left_out", "n=%d reason=\"the first %d files of %s are read\"",
+			operator_methods_left_out(), OPERATOR_METHODS_MAX, dir);
+	return true;
+}
+
 /* The usual soft limit of 1024 descriptors is less than the connections that are allowed. */
 static void raise_descriptor_limit(const struct options *options)
 {
@@ -79,6 +97,8 @@ static bool start(struct server *server, struct error *err)
 	char url[160], admin_url[160];
 	if (!open_signals(server, err) || !listen_url(server->http_fd, url, sizeof url) ||
 		!listen_url(server->admin_fd, admin_url, sizeof admin_url))
+		return false;
+	if (!read_methods(o->method_dir, err))
 		return false;
 	server->documents = documents_create(err);
 	server->service = server->documents ? service_start(o, err) : NULL;

@@ -1,4 +1,5 @@
 #include "server/service.h"
+#include "gpu/operator_methods.h"
 #include "server/clock.h"
 #include "server/dispatch.h"
 #include "server/log.h"
@@ -214,6 +215,7 @@ struct service *service_start(const struct options *options, struct error *err)
 		.shader_dir = options->shader_dir,
 		.slice_ms = options->slice_ms,
 		.table_mib = options->table_mib,
+		.methods_fd = operator_methods_count() ? operator_methods_bundle(err) : -1,
 		.watchdog_s = options->watchdog_s,
 		.startup_s = STARTUP_S,
 		.ready = dispatch_on_ready,
@@ -222,8 +224,11 @@ struct service *service_start(const struct options *options, struct error *err)
 		.tick = dispatch_on_tick,
 		.cls = s };
 	s->started_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+	s->methods_fd = config.methods_fd;
 	s->cache = cache_create((size_t)options->cache_mib << 20, product_unref);
-	if (s->started_fd < 0 || !s->cache)
+	if (operator_methods_count() && s->methods_fd < 0)
+		log_event(LEVEL_ERROR, "methods_failed", "reason=\"%s\"", err->text);
+	else if (s->started_fd < 0 || !s->cache)
 		error_set(err, "out of memory or descriptors");
 	else if ((s->workers = workers_start(encoders, err))) {
 		/* Its callbacks take the lock first, so none sees the field unset. */
@@ -266,6 +271,8 @@ void service_stop(struct service *s)
 	buffer_pool_finish(&s->buffers);
 	if (s->started_fd >= 0)
 		close(s->started_fd);
+	if (s->methods_fd >= 0)
+		close(s->methods_fd);
 	pthread_mutex_destroy(&s->lock);
 	free(s);
 }

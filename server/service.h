@@ -37,6 +37,7 @@ struct ticket {
 	struct render *render;
 };
 
+/* The operator's methods have been read by then (gpu/operator_methods.h). */
 struct service *service_start(const struct options *options, struct error *err);
 
 /* A descriptor that becomes readable once the first probe worked or starting failed for good. */

@@ -1,5 +1,6 @@
 #include "server/supervisor.h"
 #include "gpu/channel.h"
+#include "gpu/operator_methods.h"
 #include "server/clock.h"
 #include "server/log.h"
 
@@ -19,7 +20,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-enum { RENDERER_FD = 3, FIRST_BACKOFF_MS = 50, LAST_BACKOFF_MS = 10000, STABLE_MS = 30000, TICK_MS = 100 };
+enum {
+	RENDERER_FD = 3,
+	METHODS_FD = 4,
+	FIRST_BACKOFF_MS = 50,
+	LAST_BACKOFF_MS = 10000,
+	STABLE_MS = 30000,
+	TICK_MS = 100
+};
 
 struct supervisor {
 	struct supervisor_config config;
@@ -36,19 +44,23 @@ struct supervisor {
 	int64_t started_us, heard_us, pinged_us;
 	int backoff_ms;
 	uint64_t pings;
+	int checking; /* the operator's method that the renderer has in hand; -1: none */
 };
 
 extern char **environ;
 
 static bool spawn_renderer(struct supervisor *s, int peer_fd, pid_t *pid, struct error *err)
 {
-	char fd[16], slice[32], tables[32];
+	char fd[16], methods[16], states[OPERATOR_METHODS_MAX + 1], slice[32], tables[32];
 	snprintf(fd, sizeof fd, "%d", RENDERER_FD);
+	snprintf(methods, sizeof methods, "%d", s->config.methods_fd >= 0 ? METHODS_FD : 0);
+	operator_methods_states(states);
 	snprintf(slice, sizeof slice, "%.9g", s->config.slice_ms);
 	snprintf(tables, sizeof tables, "%.9g", s->config.table_mib);
 	const char *program = *s->config.program ? s->config.program : "/proc/self/exe";
 	const char *const argv[] = { "welkin-renderer", "renderer", "--fd", fd, "--device", s->config.device,
-		"--shader-dir", s->config.shader_dir, "--slice-ms", slice, "--table-mib", tables, NULL };
+		"--shader-dir", s->config.shader_dir, "--slice-ms", slice, "--table-mib", tables, "--methods-fd",
+		methods, "--method-states", states, "--warmup", s->config.cold ? "0" : "1", NULL };
 	posix_spawn_file_actions_t actions;
 	posix_spawnattr_t attributes;
 	sigset_t none, defaults;
@@ -62,6 +74,8 @@ static bool spawn_renderer(struct supervisor *s, int peer_fd, pid_t *pid, struct
 	/* The server's stdout carries the ready line only. */
 	posix_spawn_file_actions_adddup2(&actions, STDERR_FILENO, STDOUT_FILENO);
 	posix_spawn_file_actions_adddup2(&actions, peer_fd, RENDERER_FD);
+	if (s->config.methods_fd >= 0) /* never as low as these two: the peer is in its place by now */
+		posix_spawn_file_actions_adddup2(&actions, s->config.methods_fd, METHODS_FD);
 	/* A process group of its own: Ctrl-C in a terminal must not take the renderer while the server drains. */
 	posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
 	posix_spawnattr_setsigmask(&attributes, &none);
@@ -96,6 +110,7 @@ static bool start_renderer(struct supervisor *s, struct error *err)
 	if (s->pid_fd >= 0)
 		fcntl(s->pid_fd, F_SETFD, FD_CLOEXEC);
 	s->pid = pid;
+	s->checking = -1;
 	s->started_us = s->heard_us = s->pinged_us = clock_us();
 	pthread_mutex_lock(&s->lock);
 	s->fd = pair[0];
@@ -126,6 +141,47 @@ static bool reap(struct supervisor *s, int timeout_ms, char *how, size_t size)
 	return true;
 }
 
+/* ---- the operator's methods ---- */
+
+static void log_check(int entry)
+{
+	const struct operator_status status = operator_methods_status(entry);
+	const struct operator_method *method = operator_methods_at(entry);
+	if (status.state == OPERATOR_UNAVAILABLE)
+		log_event(LEVEL_ERROR, "method_unavailable", "file=\"%s\" reason=\"%s\"", method->file, status.reason);
+	else
+		log_event(LEVEL_INFO, "method_checked", "method=%s ns_per_ray=%.1f", method->name, status.ns_per_ray);
+}
+
+static void take_check(struct supervisor *s, const struct welkin_method_check *check)
+{
+	struct operator_status status = { .ns_per_ray = check->ns_per_ray };
+	if (check->entry < 0 || check->entry >= operator_methods_count())
+		return;
+	s->checking = check->state == OPERATOR_UNCHECKED ? check->entry : -1;
+	if (s->checking >= 0)
+		return;
+	status.state = check->state == OPERATOR_AVAILABLE ? OPERATOR_AVAILABLE : OPERATOR_UNAVAILABLE;
+	snprintf(status.reason, sizeof status.reason, "%.*s", (int)sizeof check->reason - 1, check->reason);
+	if (operator_methods_report(check->entry, &status))
+		log_check(check->entry);
+}
+
+/* The renderer was lost. Was it in the middle of a check? Then that method is to blame and not tried again. */
+static bool blame_checked(struct supervisor *s, const char *how)
+{
+	struct operator_status status = { .state = OPERATOR_UNAVAILABLE };
+	if (s->checking < 0)
+		return false;
+	snprintf(status.reason, sizeof status.reason, "%s: the renderer was lost while it checked this method: %.200s",
+		operator_methods_at(s->checking)->file, how);
+	if (operator_methods_report(s->checking, &status))
+		log_check(s->checking);
+	s->checking = -1;
+	s->backoff_ms = 0; /* the next one will not do that again */
+	return true;
+}
+
 /* Ends the renderer for good: closed, killed if need be, reaped. reason NULL: say how it ended. */
 static void lose_renderer(struct supervisor *s, const char *reason, int grace_ms)
 {
@@ -146,7 +202,7 @@ static void lose_renderer(struct supervisor *s, const char *reason, int grace_ms
 		close(s->pid_fd);
 	s->pid_fd = -1;
 	s->pid = 0;
-	if (!s->stopping)
+	if (!s->stopping && !blame_checked(s, reason ? reason : how))
 		s->config.lost(s->config.cls, reason ? reason : how, was_ready);
 }
 
@@ -161,6 +217,9 @@ static void take_message(struct supervisor *s, const struct welkin_message *mess
 		log_event(LEVEL_INFO, "renderer_ready", "pid=%d device=\"%s\" startup_ms=%.1f warmup_ms=%.1f",
 			(int)s->pid, message->device.name, message->device.startup_ms, message->device.warmup_ms);
 		s->config.ready(s->config.cls, &message->device);
+		break;
+	case WELKIN_MSG_METHOD:
+		take_check(s, &message->check);
 		break;
 	case WELKIN_MSG_RESULT:
 		s->config.result(s->config.cls, &message->result);
@@ -202,7 +261,9 @@ static void watch(struct supervisor *s)
 {
 	const int64_t now = clock_us();
 	const double silent_s = (double)(now - s->heard_us) / 1e6;
-	const double limit_s = s->ready ? s->config.watchdog_s : s->config.startup_s;
+	double limit_s = s->ready ? s->config.watchdog_s : s->config.startup_s;
+	if (s->checking >= 0 && limit_s > 3 * s->config.watchdog_s) /* a compilation and small dispatches */
+		limit_s = 3 * s->config.watchdog_s;
 	const bool condemned = atomic_exchange(&s->condemned, false);
 	if (silent_s > limit_s || condemned) {
 		char reason[96];

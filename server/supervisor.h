@@ -17,14 +17,18 @@ struct supervisor_config {
 	const char *program; /* "": this binary */
 	const char *device, *shader_dir;
 	double slice_ms, table_mib;
+	bool cold;         /* without the warm-up: it is for whoever asks many times */
+	int methods_fd;    /* operator_methods_bundle(); stays the caller's; -1: no methods of the operator's */
 	double watchdog_s; /* silence after which a renderer is killed */
 	double startup_s;  /* the same before it is ready */
 
 	/* All run on the supervisor's thread, one at a time, without locks of the supervisor. */
 	void (*ready)(void *cls, const struct welkin_device *device);
 	void (*result)(void *cls, const struct welkin_result *result);
-	void (*lost)(void *cls, const char *reason, bool was_ready); /* whatever it was sent will have no result */
-	void (*tick)(void *cls);                                     /* at least every 100 ms */
+	/* Whatever it was sent will have no result. Not called for one that was lost while it checked an operator's
+	 * method: that method becomes unavailable, and the next renderer leaves it alone. */
+	void (*lost)(void *cls, const char *reason, bool was_ready);
+	void (*tick)(void *cls); /* at least every 100 ms */
 	void *cls;
 };
 

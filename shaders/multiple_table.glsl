@@ -12,22 +12,14 @@
  * irradiance on level ground E/M0, with M0 = ∫L dω, M = ∫L ωω, V = ∫L ω, per sun irradiance of 1.
  */
 #include "column.glsl"
-#include "optical_depth_table.glsl"
+#include "sun_column.glsl"
 
-layout(binding = UNIT_OPTICAL_DEPTH) uniform sampler2D optical_depth_texture;
 layout(binding = UNIT_MULTIPLE) uniform sampler2D multiple_texture;
 
 const int MULTIPLE_LAYERS = 7;
 const float MULTIPLE_FLOOR = 1e-30;
 
-/* ---- the optical-depth table ---- */
-
-vec3 sun_column(float h, float mu_s)
-{
-	vec2 size = vec2(textureSize(optical_depth_texture, 0));
-	vec2 uv = (table_from_point(h, mu_s) * (size - 1.0) + 0.5) / size;
-	return table_decode(textureLod(optical_depth_texture, uv, 0.0));
-}
+/* ---- columns ---- */
 
 /* Optical depth of a column in the delta-scaled medium. */
 vec4 scaled_depth(vec3 column)

@@ -23,6 +23,8 @@ typedef unsigned int uint;
 #define BIND_MEDIA 1
 #define BIND_BANDS 2
 #define BIND_FITTED 3
+#define BIND_METHOD 4 /* an operator's method: its parameters as floats, METHOD_VALUES at most; declared by the renderer */
+#define METHOD_VALUES 16
 
 /* Shader storage bindings. A strip's pixels are numbered by rows; so are the directions of a radiance job. */
 #define BIND_RADIANCE 0      /* vec4 per pixel: linear Rec.709 cd/m² added up over batches, a = luminance of sun × transmittance; FEATURE_SPECTRAL: L of the batch */

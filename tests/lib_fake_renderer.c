@@ -146,7 +146,18 @@ static void work(struct fake *fake)
 		finish(fake, best, WELKIN_DONE);
 }
 
-static _Noreturn void serve(int fd)
+/* Says that the check begins, and is gone. */
+static void die_checking(struct fake *fake, const char *states)
+{
+	for (int i = 0; states[i]; i++)
+		if (states[i] == '?') {
+			struct welkin_message message = { .type = WELKIN_MSG_METHOD, .check.entry = i };
+			send_or_exit(fake, &message);
+			_exit(5);
+		}
+}
+
+static _Noreturn void serve(int fd, const char *states)
 {
 	static struct fake fake;
 	struct welkin_message message = { .type = WELKIN_MSG_READY };
@@ -158,6 +169,8 @@ static _Noreturn void serve(int fd)
 		send_or_exit(&fake, &message);
 		_exit(1);
 	}
+	if (mode && !strcmp(mode, "checks"))
+		die_checking(&fake, states);
 	if (mode && !strcmp(mode, "silent"))
 		for (;;)
 			pause();
@@ -183,5 +196,9 @@ void fake_renderer_run(int argc, char **argv)
 	if (argc < 4 || strcmp(argv[1], "renderer") || strcmp(argv[2], "--fd"))
 		return;
 	prctl(PR_SET_PDEATHSIG, SIGKILL);
-	serve(atoi(argv[3]));
+	const char *states = "";
+	for (int i = 4; i + 1 < argc; i++)
+		if (!strcmp(argv[i], "--method-states"))
+			states = argv[i + 1];
+	serve(atoi(argv[3]), states);
 }

@@ -16,8 +16,9 @@ enum {
 	FAKE_SLOW = 1000000, /* FAKE_SLOW + ms: takes that long, in small slices */
 };
 
-/* With WELKIN_FAKE=broken in the environment it says that it cannot start, with =silent nothing at all. Returns when
- * the program was started as anything but a renderer; does not return otherwise. */
+/* With WELKIN_FAKE=broken in the environment it says that it cannot start, with =silent nothing at all; with =checks
+ * it dies while it checks the first of the operator's methods whose state is not known, and starts when there is none.
+ * Returns when the program was started as anything but a renderer; does not return otherwise. */
 void fake_renderer_run(int argc, char **argv);
 
 #endif

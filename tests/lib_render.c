@@ -1,6 +1,7 @@
 #include "tests/lib_render.h"
 
 #include "gpu/clock.h"
+#include "gpu/operator_methods.h"
 
 #include <signal.h>
 #include <stdio.h>
@@ -16,6 +17,27 @@ enum { READY_TIMEOUT_MS = 60000, RESULT_TIMEOUT_MS = 120000 };
 
 static const struct welkin_renderer_config quick = { .device = "software", .slice_ms = 20, .table_budget_mib = 64 };
 
+bool lib_render_methods(struct welkin_renderer_config *config)
+{
+	const char *dir = getenv("WELKIN_METHOD_DIR");
+	struct error err = { "" };
+	if (!dir || !*dir)
+		return true;
+	if (operator_methods_read(dir, &err) && (config->methods_fd = operator_methods_bundle(&err)) >= 0)
+		return true;
+	fprintf(stderr, "%s\n", err.text);
+	return false;
+}
+
+static void note_check(const struct welkin_method_check *check)
+{
+	struct operator_status status = { .state = (enum operator_state)check->state, .ns_per_ray = check->ns_per_ray };
+	memcpy(status.reason, check->reason, sizeof status.reason);
+	operator_methods_report(check->entry, &status);
+	if (status.state == OPERATOR_UNAVAILABLE)
+		fprintf(stderr, "%s\n", status.reason);
+}
+
 bool lib_render_start(struct lib_renderer *renderer, const struct welkin_renderer_config *config)
 {
 	int pair[2];
@@ -28,8 +50,11 @@ bool lib_render_start(struct lib_renderer *renderer, const struct welkin_rendere
 		prctl(PR_SET_PDEATHSIG, SIGKILL);
 		/* our ends of other renderers' sockets must not stay open here, or those never see them close */
 		const int fd = dup2(pair[1], 3);
-		close_range(4, ~0U, 0);
-		_exit(welkin_renderer_main(fd, config ? config : &quick));
+		struct welkin_renderer_config own = config ? *config : quick;
+		if (own.methods_fd > 0)
+			own.methods_fd = dup2(own.methods_fd, 4);
+		close_range(own.methods_fd > 0 ? 5 : 4, ~0U, 0);
+		_exit(welkin_renderer_main(fd, &own));
 	}
 	close(pair[1]);
 	renderer->fd = pair[0];
@@ -70,6 +95,8 @@ bool lib_render_await(
 			continue;
 		if (message->type == WELKIN_MSG_FATAL)
 			fprintf(stderr, "renderer: %s\n", message->text);
+		if (message->type == WELKIN_MSG_METHOD)
+			note_check(&message->check);
 		if (message->type == (int32_t)type)
 			return true;
 	}

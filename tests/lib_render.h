@@ -18,6 +18,10 @@ struct lib_renderer {
 
 /* Starts one; config NULL: 20 ms slices, 64 MiB of tables, no warm-up, embedded shaders. */
 bool lib_render_start(struct lib_renderer *renderer, const struct welkin_renderer_config *config);
+/* For a config before lib_render_start(): the operator's methods in WELKIN_METHOD_DIR, if that is set, join the
+ * registry of this program and of the renderer. Once the renderer runs, operator_methods_status() tells what
+ * its checks found. */
+bool lib_render_methods(struct welkin_renderer_config *config);
 /* Closes the socket and waits for the process; returns its exit status, -1 when it was killed. */
 int lib_render_stop(struct lib_renderer *renderer);
 
