@@ -2,6 +2,7 @@
 
 #include "api/api.h"
 #include "gpu/frame.h"
+#include "gpu/spectrum.h"
 
 #include <string.h>
 #include <sys/mman.h>
@@ -34,7 +35,7 @@ static bool run_job(
 
 static bool warm_method(struct workspace *ws, const struct welkin_request *request, int method, struct error *err)
 {
-	static const double zenith_550[] = { 0, 1, 0, 550 };
+	double input[3 + WELKIN_MAX_WAVELENGTHS] = { 0, 1, 0 }, to_rgb[WELKIN_MAX_WAVELENGTHS][3];
 	struct welkin_job job = { .kind = WELKIN_JOB_IMAGE, .request = *request };
 	job.request.atmosphere.method = method;
 	if (!run_job(ws, &job, NULL, 0, err))
@@ -44,8 +45,9 @@ static bool warm_method(struct workspace *ws, const struct welkin_request *reque
 	if (!run_job(ws, &job, NULL, 0, err))
 		return false;
 	job.kind = WELKIN_JOB_RADIANCE;
-	job.n_directions = job.n_wavelengths = 1;
-	return run_job(ws, &job, zenith_550, 4, err);
+	job.n_directions = 1; /* the zenith, at the image's wavelengths, whose tables are there */
+	job.n_wavelengths = spectrum_bands(request->atmosphere.spectrum, request->sun.spectrum, input + 3, to_rgb);
+	return run_job(ws, &job, input, 3 + (size_t)job.n_wavelengths, err);
 }
 
 /* Every choice that programs are built for, on the cheapest sky: projections with the sun in view, pixel
@@ -102,9 +104,11 @@ bool warm_up(struct workspace *ws, struct error *err)
 	struct welkin_request request;
 	if (!default_request(&request, err))
 		return false;
-	for (int method = 0; method < welkin_method_count; method++)
-		if (!welkin_methods[method]->operators && !warm_method(ws, &request, method, err))
+	for (int method = 0; method < welkin_method_count; method++) {
+		const struct method *m = welkin_methods[method];
+		if (!m->operators && !m->slow_tables && !warm_method(ws, &request, method, err))
 			return false;
+	}
 	for (int method = 0; method < welkin_method_count; method++)
 		if (strcmp(welkin_methods[method]->name, "gradient") == 0)
 			request.atmosphere.method = method;

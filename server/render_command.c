@@ -320,6 +320,7 @@ static bool render(const struct command *command, struct run *run)
 		.slice_ms = 50, /* nobody else waits for the device */
 		.table_mib = 256,
 		.methods_fd = run->methods_fd,
+		.cold = true,
 		.watchdog_s = 60,
 		.startup_s = 180,
 		.ready = on_ready,

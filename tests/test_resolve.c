@@ -52,7 +52,7 @@ static void test_nothing_given(void **state)
 	assert_int_equal(r.atmosphere.light_steps, 30);
 	assert_int_equal(r.atmosphere.spectrum, WELKIN_SPECTRUM_4);
 	assert_int_equal(r.exposure_mode, WELKIN_EXPOSURE_AUTO);
-	assert_int_equal(r.tone_map, WELKIN_TONE_AGX);
+	assert_int_equal(r.tone_map, WELKIN_TONE_ACES);
 }
 
 /* Against the numbers as lib_request.c has them, written from the reference by another hand. */

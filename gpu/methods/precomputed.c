@@ -22,6 +22,7 @@ const struct method method_precomputed = {
 	.source = "Bruneton & Neyret 2008, Bruneton 2017; azimuth in place of nu, logarithms, moments for the orders",
 	.fields = fields,
 	.domain = domain,
+	.slow_tables = 1,
 	.physical = 1,
 	.tables = tables,
 };
