@@ -113,7 +113,7 @@ void image_run_sky(
 		memcpy(sky.samples, samples, sizeof sky.samples);
 	sky.storage[BIND_DIRECTIONS] = ws->rays.id;
 	sky.storage[BIND_RADIANCE] = radiance;
-	sky.storage[BIND_INSCATTER] = ws->inscatter.id;
+	sky.storage[BIND_INSCATTER] = f->method->progressive ? ws->sample_layers.id : ws->inscatter.id;
 	sky.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
 	for (sky.batch = 0; sky.batch < f->scene.n_batches; sky.batch++) {
 		frame_tables(ws, f, sky.batch, NULL);
@@ -221,7 +221,7 @@ static void run_output(
 	for (int i = 0; i < 3; i++)
 		pass.planes[i] = planes->pixel[i + 1] ? (int)(planes->offset[i + 1] / 4) : -1;
 	pass.storage[BIND_RADIANCE] = ws->radiance.id;
-	pass.storage[BIND_INSCATTER] = ws->inscatter.id;
+	pass.storage[BIND_INSCATTER] = f->method->progressive ? ws->sample_layers.id : ws->inscatter.id;
 	pass.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
 	pass.storage[BIND_OUTPUT] = ws->output.id;
 	pass.storage[BIND_COUNTERS] = ws->counters.id;
@@ -278,8 +278,11 @@ static bool strip_step(struct workspace *ws, struct frame *f, double start_ms, s
 		return false;
 	f->result.nonfinite += *nonfinite;
 	read_back(ws, f, &layout, &planes, tile);
-	if (strips_done(&f->strips))
+	if (strips_done(&f->strips)) {
+		if (f->error_count > 0)
+			f->result.expected_error = sqrt(f->error_sum / f->error_count);
 		frame_finish(f, WELKIN_DONE, NULL);
+	}
 	return true;
 }
 

@@ -55,7 +55,8 @@ struct welkin_result {
 	double exposure_scale; /* pixel = radiance (cd/m²) × this */
 	double render_ms;      /* wall time in the renderer from start to last slice, preemptions included */
 	double readback_ms;    /* > 0 */
-	double expected_error; /* relative RMSE of luminance; NaN: not measured */
+	double expected_error; /* relative RMSE of luminance: measured in like scenes, or the samples' own; NaN: not
+				  known */
 	int64_t nonfinite;     /* pixels that were not finite before they were mended: 0 in a sound build */
 	struct welkin_pass_time passes[WELKIN_MAX_PASSES];
 	struct welkin_plan_entry plan[WELKIN_MAX_PASSES];

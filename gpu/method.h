@@ -37,7 +37,7 @@ struct method {
 	int single_scattering;             /* 1: orders above the first are left out by nature */
 	int progressive;                   /* 1: its kernel gives random samples, repeated until their error suffices */
 	int slow_tables; /* 1: its tables take seconds, so they are not built before somebody asks for it */
-	int physical;                      /* 1: uses the media coefficients; 0: an analytic sky */
+	int physical;    /* 1: uses the media coefficients; 0: an analytic sky */
 	/* Adds to a prepared scene what its kernel alone needs (NULL: nothing). */
 	void (*prepare)(struct scene *scene, const struct welkin_request *request);
 	/* Makes sure that the tables it reads for a spectral batch exist and are bound (NULL: it reads

@@ -148,7 +148,9 @@ bool progressive_photometer_step(struct workspace *ws, struct frame *frame, doub
 
 /* ---- images ---- */
 
-enum { SUMS = 5 }; /* per pixel: red, green, blue, luminance of sun × transmittance, and luminance for its spread */
+/* Per pixel: red, green, blue, luminance of sun × transmittance; luminance, for its spread; in-scattered red, green,
+ * blue. */
+enum { SUM_LUMINANCE = 4, SUM_INSCATTER = 5, SUMS = 8 };
 
 static bool begin_strip(struct frame *f, int pixels)
 {
@@ -168,11 +170,16 @@ static double strip_variance(const struct frame *f, int pixels)
 {
 	double sum = 0;
 	for (int i = 0; i < pixels; i++) {
-		const struct tally *Y = &f->tally[i * SUMS + 4];
+		const struct tally *Y = &f->tally[i * SUMS + SUM_LUMINANCE];
 		if (Y->mean > 0)
 			sum += pow(std_error(Y, f->groups) / Y->mean, 2);
 	}
 	return sum / pixels;
+}
+
+static bool has_layers(const struct frame *f)
+{
+	return f->plan.features & FEATURE_LAYERS;
 }
 
 static void upload_mean(struct workspace *ws, const struct frame *f, int pixels)
@@ -181,6 +188,10 @@ static void upload_mean(struct workspace *ws, const struct frame *f, int pixels)
 	for (int i = 0; i < pixels; i++)
 		for (int c = 0; c < 4; c++)
 			mean[i][c] = (float)f->tally[i * SUMS + c].mean;
+	float(*layer)[4] = ws->sample_layers.data; /* the output kernel reads it where it is */
+	for (int i = 0; i < pixels && has_layers(f); i++)
+		for (int c = 0; c < 3; c++)
+			layer[i][c] = (float)f->tally[i * SUMS + SUM_INSCATTER + c].mean;
 	glNamedBufferSubData(ws->radiance.id, 0, (GLsizeiptr)((size_t)pixels * sizeof *mean), mean);
 }
 
@@ -192,7 +203,9 @@ bool progressive_strip_pass(struct workspace *ws, struct frame *frame, bool *set
 		frame_finish(frame, WELKIN_FAILED, "out of memory");
 		return true;
 	}
-	if (!workspace_reserve(&ws->samples, (size_t)pixels * 4 * sizeof(float), true, err)) {
+	const size_t size = (size_t)pixels * 4 * sizeof(float);
+	if (!workspace_reserve(&ws->samples, size, true, err) ||
+		(has_layers(frame) && !workspace_reserve(&ws->sample_layers, size, true, err))) {
 		frame_finish(frame, WELKIN_FAILED, err->text);
 		return true;
 	}
@@ -200,7 +213,7 @@ bool progressive_strip_pass(struct workspace *ws, struct frame *frame, bool *set
 		(const int[4]){ frame->groups, 1, PATHS_PER_PIXEL_PASS, max_order(frame) });
 	if (!frame_settle(ws, frame, pixels, frame->scene.n_batches, err))
 		return false;
-	const float(*sample)[4] = ws->samples.data;
+	const float(*sample)[4] = ws->samples.data, (*layer)[4] = ws->sample_layers.data;
 	frame->groups++;
 	for (int i = 0; i < pixels; i++) {
 		struct tally *t = &frame->tally[i * SUMS];
@@ -208,7 +221,10 @@ bool progressive_strip_pass(struct workspace *ws, struct frame *frame, bool *set
 			add_sample(&t[c], isfinite(sample[i][c]) ? (double)sample[i][c] : 0, frame->groups);
 		const double Y = 0.2126390 * (double)sample[i][0] + 0.7151687 * (double)sample[i][1] +
 				 0.0721923 * (double)sample[i][2];
-		add_sample(&t[4], isfinite(Y) ? Y : 0, frame->groups);
+		add_sample(&t[SUM_LUMINANCE], isfinite(Y) ? Y : 0, frame->groups);
+		for (int c = 0; c < 3 && has_layers(frame); c++)
+			add_sample(
+				&t[SUM_INSCATTER + c], isfinite(layer[i][c]) ? (double)layer[i][c] : 0, frame->groups);
 	}
 	const struct welkin_image *image = &frame->job.request.image;
 	const double share = (double)pixels / ((double)image->width * image->height);

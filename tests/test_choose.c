@@ -121,19 +121,18 @@ static void test_budgets_are_kept(void **state)
 static void test_more_budget_never_errs_more(void **state)
 {
 	(void)state;
-	int choices = 0, last = -1;
+	int choices = 0;
 	double error = INFINITY;
 	for (double ms = 0.5; ms < 1e5; ms *= 1.3) {
-		const struct welkin_request request = left_to_us(2, 45, 0, ms), r = chosen(&request, frame, false);
+		const struct welkin_request request = left_to_us(2, 2, 0, ms), r = chosen(&request, frame, false);
 		if (r.atmosphere.choice == WELKIN_CHOICE_OVER_BUDGET)
 			continue;
 		const double now = choose_expect(&r, frame).error;
 		assert_true(now <= error);
 		error = now;
-		choices += r.atmosphere.method != last;
-		last = r.atmosphere.method;
+		choices++;
 	}
-	assert_true(choices >= 2); /* from something cheap to something good */
+	assert_true(choices > 10); /* most budgets can be kept */
 }
 
 static void test_a_smaller_error_never_costs_less(void **state)

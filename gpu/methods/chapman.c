@@ -8,7 +8,8 @@ static const struct method_range domain[] = {
 
 const struct method method_chapman = {
 	.name = "chapman",
-	.summary = "Ray march: single scattering by N steps, sunlight by a closed form of Chapman's function, no tables",
+	.summary =
+		"Ray march: single scattering by N steps, sunlight by a closed form of Chapman's function, no tables",
 	.source = "Schüler 2012",
 	.fields = fields,
 	.domain = domain,
