@@ -76,7 +76,7 @@ static void lose_renderer_under_load(
 	for (int i = 0; i < CLIENTS; i++)
 		start_client(&clients[i], server, query, 10 + i);
 	double in_flight = 0, waiting = 0;
-	for (int i = 0; i < 250 && in_flight + waiting < CLIENTS; i++) {
+	for (int i = 0; i < 250 && !(in_flight >= 2 && in_flight + waiting == CLIENTS); i++) {
 		in_flight = metric(server, "welkin_renders_in_flight");
 		waiting = metric(server, "welkin_queue_depth");
 		sleep_ms(5);
@@ -141,8 +141,8 @@ static void the_real_renderer_too(void **state)
 	(void)state;
 	struct daemon_process *server = daemon_start(false,
 		(const char *const[]){ "--device", "software", "--watchdog-s", "1.5", "--probe-s", "3600", NULL });
-	static const char query[] = "image.width=300&image.height=300&atmosphere.method=march&atmosphere.steps=64&"
-				    "atmosphere.light_steps=16";
+	static const char query[] = "image.width=400&image.height=400&atmosphere.method=march&atmosphere.steps=96&"
+				    "atmosphere.light_steps=24";
 	lose_renderer_under_load(server, query, SIGKILL, 60);
 	lose_renderer_under_load(server, query, SIGSTOP, 60);
 	daemon_stop(server);
