@@ -144,7 +144,9 @@ static void the_real_renderer_too(void **state)
 	static const char query[] = "image.width=400&image.height=400&atmosphere.method=march&atmosphere.steps=96&"
 				    "atmosphere.light_steps=24";
 	lose_renderer_under_load(server, query, SIGKILL, 60);
-	lose_renderer_under_load(server, query, SIGSTOP, 60);
+	static const char others[] = "seed=1&image.width=400&image.height=400&atmosphere.method=march&"
+				     "atmosphere.steps=96&atmosphere.light_steps=24"; /* none of them in the cache */
+	lose_renderer_under_load(server, others, SIGSTOP, 60);
 	daemon_stop(server);
 }
 
