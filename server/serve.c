@@ -114,6 +114,7 @@ static bool start(struct server *server, struct error *err)
 		return false;
 	const struct welkin_device device = service_device(server->service);
 	printf("welkin ready: %s admin %s device %s\n", url, admin_url, device.name);
+	printf("open %s in a browser, or: curl -o sky.png '%sv1/render.png'\n", url, url);
 	fflush(stdout);
 	sd_notify(0, "READY=1");
 	log_event(LEVEL_INFO, "serving", "url=%s admin=%s version=%s revision=%s device=\"%s\"", url, admin_url,
