@@ -59,6 +59,7 @@ static const char *const deciding[] = {
 	"sun.elevation_deg",
 	"sun.azimuth_deg",
 	"atmosphere.preset",
+	"clouds.preset",
 	"atmosphere.planet_radius_m",
 };
 

@@ -10,7 +10,7 @@
 
 static const char *const projections[] = { "perspective", "equirectangular", "fisheye", "cube_face", "cubemap", NULL };
 static const char *const cube_faces[] = { "front", "right", "back", "left", "up", "down", NULL };
-static const char *const layers[] = { "depth", "transmittance", "inscatter", NULL };
+static const char *const layers[] = { "depth", "transmittance", "inscatter", "clouds", NULL };
 static const char *const png_bits[] = { "8", "16", NULL };
 static const char *const exr_types[] = { "half", "float", NULL };
 static const char *const exr_compressions[] = { "none", "rle", "zips", "zip", "piz", NULL };
@@ -20,6 +20,15 @@ static const char *const sun_spectra[] = { "solar", "flat", NULL };
 static const char *const phases[] = { "cornette_shanks", "henyey_greenstein", "schlick", NULL };
 static const char *const exposure_modes[] = { "auto", "ev", "pupil", NULL };
 static const char *const tone_maps[] = { "agx", "aces", "reinhard", "exponential", "none", NULL };
+
+static const char *const cloud_presets[] = { "none", "cumulus", "towering", "stratocumulus", "stratus", "cirrus", NULL };
+static const char *const cloud_lightings[] = { "physical", "artistic", NULL };
+static const char *const cloud_shapes[] = { "dilated_squared", "dilated", "carved", "eroded", "product", "perlin", "worley",
+	NULL };
+static const char *const worley_metrics[] = { "euclidean", "manhattan", NULL };
+static const char *const high_clouds[] = { "cirrus", "cirrocumulus", "altocumulus", NULL };
+static const char *const cloud_savings[] = { "steps_by_elevation", "early_exit", "empty_space", "adaptive_steps",
+	"light_volume", "half_resolution", "blue_noise", "offset", NULL };
 
 #define AT(member) offsetof(struct welkin_request, member)
 
@@ -160,6 +169,105 @@ static const struct welkin_field built_in[] = {
 
 	{ "ground.albedo", WELKIN_TYPE_TRIPLE, "", 0, 1, "",
 		"Share of light the ground reflects, at 680, 550 and 440 nm.", NULL, AT(ground_albedo) },
+
+	{ "clouds.preset", WELKIN_TYPE_ENUM, "", 0, 0, "none",
+		"Kind of clouds: where the numbers below that are not given come from; /v1/presets lists them.", cloud_presets,
+		AT(clouds.preset) },
+	{ "clouds.coverage", WELKIN_TYPE_DOUBLE, "", 0, 1, "",
+		"Share of the sky that the layer covers, about: 0 is clear, 1 overcast.", NULL, AT(clouds.coverage) },
+	{ "clouds.type", WELKIN_TYPE_DOUBLE, "", 0, 1, "",
+		"Profile over height: 0 stratus, 0.5 stratocumulus, 1 cumulus, and in between.", NULL, AT(clouds.type) },
+	{ "clouds.precipitation", WELKIN_TYPE_DOUBLE, "", 0, 1, "", "Makes clouds denser and darker, as before rain.",
+		NULL, AT(clouds.precipitation) },
+	{ "clouds.anvil", WELKIN_TYPE_DOUBLE, "", 0, 1, "", "Spreads the tops of clouds, as of a storm.", NULL,
+		AT(clouds.anvil) },
+	{ "clouds.bottom_m", WELKIN_TYPE_DOUBLE, "m", 50, 5e4, "", "Altitude of the layer's lower end.", NULL,
+		AT(clouds.bottom_m) },
+	{ "clouds.top_m", WELKIN_TYPE_DOUBLE, "m", 60, 6e4, "", "Altitude of the layer's upper end.", NULL,
+		AT(clouds.top_m) },
+	{ "clouds.liquid_water_g_m3", WELKIN_TYPE_DOUBLE, "g/m3", 0, 10, "",
+		"Liquid water where clouds are densest. With the droplets' radius it gives the extinction.", NULL,
+		AT(clouds.liquid_water_g_m3) },
+	{ "clouds.droplet_radius_um", WELKIN_TYPE_DOUBLE, "um", 1, 100, "", "Effective radius of the droplets.", NULL,
+		AT(clouds.droplet_radius_um) },
+	{ "clouds.albedo", WELKIN_TYPE_DOUBLE, "", 0, 1, "1",
+		"Share of the light that meets a droplet which it scatters: 1 for water in visible light.", NULL,
+		AT(clouds.albedo) },
+	{ "clouds.phase.forward_g", WELKIN_TYPE_DOUBLE, "", 0, 0.98, "0.88",
+		"Asymmetry of the forward lobe of the droplets' phase function.", NULL, AT(clouds.forward_g) },
+	{ "clouds.phase.backward_g", WELKIN_TYPE_DOUBLE, "", -0.98, 0, "-0.3", "Asymmetry of its backward lobe.", NULL,
+		AT(clouds.backward_g) },
+	{ "clouds.phase.backward_share", WELKIN_TYPE_DOUBLE, "", 0, 1, "0.05",
+		"Share of the light in the backward lobe.", NULL, AT(clouds.backward_share) },
+	{ "clouds.weather.scale_m", WELKIN_TYPE_DOUBLE, "m", 1e3, 1e6, "",
+		"Side of the weather map, which repeats: where there are clouds, of what type, how dense.", NULL,
+		AT(clouds.weather_scale_m) },
+	{ "clouds.wind.speed_m_s", WELKIN_TYPE_DOUBLE, "m/s", 0, 200, "8", "Speed at which clouds move.", NULL,
+		AT(clouds.wind_speed_m_s) },
+	{ "clouds.wind.heading_deg", WELKIN_TYPE_DOUBLE, "deg", -360, 360, "60",
+		"Direction that they move to, clockwise from north.", NULL, AT(clouds.wind_heading_deg) },
+	{ "clouds.wind.shear_m", WELKIN_TYPE_DOUBLE, "m", 0, 1e4, "300",
+		"How far tops are ahead of bases, in the direction of the wind.", NULL, AT(clouds.shear_m) },
+	{ "clouds.wind.evolution_m_s", WELKIN_TYPE_DOUBLE, "m/s", 0, 20, "1",
+		"Speed at which shapes rise through the clouds, so that they change as they move.", NULL,
+		AT(clouds.evolution_m_s) },
+	{ "clouds.time_s", WELKIN_TYPE_DOUBLE, "s", -1e9, 1e9, "0", "Time at which the moving clouds are seen.", NULL,
+		AT(clouds.time_s) },
+	{ "clouds.base.scale_m", WELKIN_TYPE_DOUBLE, "m", 100, 1e5, "", "Side of the volume of shapes, which repeats.",
+		NULL, AT(clouds.base_scale_m) },
+	{ "clouds.base.shape", WELKIN_TYPE_ENUM, "", 0, 0, "dilated",
+		"How Perlin's noise P and Worley's W make shapes: dilated remap(P,0,1,W,1), its square, carved "
+		"remap(P,W,1,0,1), eroded remap(P,W-1,1,0,1), their product, or one of them alone.",
+		cloud_shapes, AT(clouds.base_shape) },
+	{ "clouds.base.perlin_frequency", WELKIN_TYPE_INT, "", 1, 32, "4", "Lattice cells of Perlin's noise along a side.",
+		NULL, AT(clouds.base_perlin_frequency) },
+	{ "clouds.base.perlin_octaves", WELKIN_TYPE_INT, "", 1, 6, "4", "Octaves of it, each twice as fine.", NULL,
+		AT(clouds.base_perlin_octaves) },
+	{ "clouds.base.persistence", WELKIN_TYPE_DOUBLE, "", 0, 1, "0.5", "Weight of each octave to the one before.",
+		NULL, AT(clouds.base_persistence) },
+	{ "clouds.base.worley_frequency", WELKIN_TYPE_INT, "", 1, 16, "4",
+		"Cells of Worley's noise along a side; finer channels have two and four times as many.", NULL,
+		AT(clouds.base_worley_frequency) },
+	{ "clouds.base.worley_metric", WELKIN_TYPE_ENUM, "", 0, 0, "euclidean", "Distance in Worley's noise.",
+		worley_metrics, AT(clouds.base_metric) },
+	{ "clouds.base.worley_inverted", WELKIN_TYPE_BOOL, "", 0, 1, "true",
+		"Worley's noise is 1 at its points and falls, which gives billows; false: the other way round.", NULL,
+		AT(clouds.base_inverted) },
+	{ "clouds.base.gamma", WELKIN_TYPE_DOUBLE, "", 0.1, 10, "1", "Exponent of the finished shapes.", NULL,
+		AT(clouds.base_gamma) },
+	{ "clouds.detail.scale_m", WELKIN_TYPE_DOUBLE, "m", 10, 1e5, "", "Side of the volume of detail, which repeats.",
+		NULL, AT(clouds.detail_scale_m) },
+	{ "clouds.detail.frequency", WELKIN_TYPE_INT, "", 1, 8, "2", "Cells of its noise along a side.", NULL,
+		AT(clouds.detail_frequency) },
+	{ "clouds.detail.gamma", WELKIN_TYPE_DOUBLE, "", 0.1, 10, "1", "Exponent of the detail.", NULL,
+		AT(clouds.detail_gamma) },
+	{ "clouds.detail.strength", WELKIN_TYPE_DOUBLE, "", 0, 1, "", "How much the detail erodes edges.", NULL,
+		AT(clouds.detail_strength) },
+	{ "clouds.curl.scale_m", WELKIN_TYPE_DOUBLE, "m", 100, 1e5, "6000", "Side of the map of swirls, which repeats.",
+		NULL, AT(clouds.curl_scale_m) },
+	{ "clouds.curl.strength_m", WELKIN_TYPE_DOUBLE, "m", 0, 5e3, "", "How far swirls displace the detail.", NULL,
+		AT(clouds.curl_strength_m) },
+	{ "clouds.high.coverage", WELKIN_TYPE_DOUBLE, "", 0, 1, "", "Share of the sky that thin high clouds cover.",
+		NULL, AT(clouds.high_coverage) },
+	{ "clouds.high.type", WELKIN_TYPE_ENUM, "", 0, 0, "cirrus", "Kind of high clouds.", high_clouds,
+		AT(clouds.high_type) },
+	{ "clouds.high.optical_depth", WELKIN_TYPE_DOUBLE, "", 0, 5, "0.4", "Their vertical optical depth where densest.",
+		NULL, AT(clouds.high_optical_depth) },
+	{ "clouds.high.altitude_m", WELKIN_TYPE_DOUBLE, "m", 100, 6e4, "8500", "Their altitude.", NULL,
+		AT(clouds.high_altitude_m) },
+	{ "clouds.high.scale_m", WELKIN_TYPE_DOUBLE, "m", 1e3, 1e6, "45000", "Side of their map, which repeats.", NULL,
+		AT(clouds.high_scale_m) },
+	{ "clouds.lighting", WELKIN_TYPE_ENUM, "", 0, 0, "physical",
+		"physical: all orders of scattering, light of sky and ground; artistic: Beer, powder and an ambient by "
+		"height, as games do.",
+		cloud_lightings, AT(clouds.lighting) },
+	{ "clouds.steps", WELKIN_TYPE_INT, "", 1, 1024, "128", "Samples along a ray through the layer, at most.", NULL,
+		AT(clouds.steps) },
+	{ "clouds.light_steps", WELKIN_TYPE_INT, "", 1, 32, "6", "Samples from each of them towards the sun.", NULL,
+		AT(clouds.light_steps) },
+	{ "clouds.savings", WELKIN_TYPE_FLAGS, "", 0, 0,
+		"steps_by_elevation,early_exit,empty_space,adaptive_steps,light_volume,half_resolution,blue_noise,offset",
+		"What makes the march cheaper; an empty value switches all of it off.", cloud_savings, AT(clouds.savings) },
 
 	{ "exposure.mode", WELKIN_TYPE_ENUM, "", 0, 0, "auto",
 		"auto meters the image; ev takes exposure.ev; pupil narrows with the angle between view and sun, as an "

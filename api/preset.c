@@ -19,7 +19,7 @@ struct preset_value {
 
 struct preset {
 	const char *help;
-	struct preset_value values[20];
+	struct preset_value values[24];
 };
 
 /* Indexed by enum welkin_preset; each sets the same fields. */
@@ -83,12 +83,54 @@ static const struct preset presets[] = {
 	},
 };
 
-enum { PRESET_COUNT = sizeof presets / sizeof presets[0] };
+#define CLOUDS(coverage, type, rain, anvil, bottom, top, water, radius, weather, base, detail, strength, curl, high)      \
+	{                                                                                                              \
+		{ "clouds.coverage", { coverage } }, { "clouds.type", { type } }, { "clouds.precipitation", { rain } },\
+			{ "clouds.anvil", { anvil } }, { "clouds.bottom_m", { bottom } }, { "clouds.top_m", { top } }, \
+			{ "clouds.liquid_water_g_m3", { water } }, { "clouds.droplet_radius_um", { radius } },         \
+			{ "clouds.weather.scale_m", { weather } }, { "clouds.base.scale_m", { base } },                \
+			{ "clouds.detail.scale_m", { detail } }, { "clouds.detail.strength", { strength } },           \
+			{ "clouds.curl.strength_m", { curl } }, { "clouds.high.coverage", { high } },                  \
+	}
 
-void preset_apply(const uint8_t given[], struct welkin_request *request)
+/* Indexed by enum welkin_cloud_preset. Water and droplets are typical of the kind: Miles, Verlinde & Clothiaux 2000
+ * for stratus and stratocumulus, Rosenfeld & Lensky 1998 for cumulus. */
+static const struct preset cloud_presets[] = {
+	[WELKIN_CLOUDS_NONE] = { "A clear sky.", CLOUDS(0, 1, 0, 0, 1500, 4000, 0.4, 10, 48e3, 5500, 900, 0.35, 120, 0) },
+	[WELKIN_CLOUDS_CUMULUS] = { "Fair-weather cumulus.",
+		CLOUDS(0.4, 1, 0, 0, 1200, 2800, 0.4, 10, 48e3, 5500, 900, 0.35, 120, 0) },
+	[WELKIN_CLOUDS_TOWERING] = { "Towering cumulus.",
+		CLOUDS(0.45, 1, 0.4, 0.5, 1200, 7500, 0.8, 12, 60e3, 8000, 1300, 0.35, 200, 0) },
+	[WELKIN_CLOUDS_STRATOCUMULUS] = { "A deck of stratocumulus.",
+		CLOUDS(0.75, 0.5, 0, 0, 1000, 2200, 0.3, 9, 48e3, 5000, 900, 0.3, 100, 0) },
+	[WELKIN_CLOUDS_STRATUS] = { "Overcast stratus.",
+		CLOUDS(1, 0, 0.2, 0, 500, 4500, 0.28, 8, 48e3, 9000, 1200, 0.15, 100, 0) },
+	[WELKIN_CLOUDS_CIRRUS] = { "Cirrus alone.",
+		CLOUDS(0, 1, 0, 0, 1500, 4000, 0.4, 10, 48e3, 5500, 900, 0.35, 120, 0.6) },
+};
+
+/* The fields that name a preset. */
+static const struct preset_family {
+	const char *field;
+	const struct preset *list;
+	int n;
+	size_t offset; /* of the field in the request */
+} families[] = {
+	{ "atmosphere.preset", presets, sizeof presets / sizeof presets[0], offsetof(struct welkin_request, atmosphere.preset) },
+	{ "clouds.preset", cloud_presets, sizeof cloud_presets / sizeof cloud_presets[0],
+		offsetof(struct welkin_request, clouds.preset) },
+};
+
+enum { FAMILIES = sizeof families / sizeof families[0] };
+
+static int32_t *preset_of(struct welkin_request *request, const struct preset_family *family)
 {
-	assert(request->atmosphere.preset >= 0 && request->atmosphere.preset < PRESET_COUNT);
-	for (const struct preset_value *v = presets[request->atmosphere.preset].values; v->field; v++) {
+	return (int32_t *)(void *)((char *)request + family->offset);
+}
+
+static void apply(const struct preset *preset, const uint8_t given[], struct welkin_request *request)
+{
+	for (const struct preset_value *v = preset->values; v->field; v++) {
 		const int index = welkin_field_find(v->field);
 		assert(index >= 0);
 		if (given[index])
@@ -102,24 +144,42 @@ void preset_apply(const uint8_t given[], struct welkin_request *request)
 	}
 }
 
-char *welkin_presets_json(void)
+void preset_apply(const uint8_t given[], struct welkin_request *request)
+{
+	for (int f = 0; f < FAMILIES; f++) {
+		const int32_t chosen = *preset_of(request, &families[f]);
+		assert(chosen >= 0 && chosen < families[f].n);
+		apply(&families[f].list[chosen], given, request);
+	}
+}
+
+static void preset_json(const struct preset_family *family, int i, struct text *text)
 {
 	static const uint8_t none[WELKIN_FIELDS_MAX];
-	const char *const *names = welkin_fields[welkin_field_find("atmosphere.preset")].names;
+	struct welkin_request request = { .reserved = 0 };
+	const struct preset *preset = &family->list[i];
+	*preset_of(&request, family) = i;
+	apply(preset, none, &request);
+	text_printf(text, "{\"name\":\"%s\",\"field\":\"%s\",\"description\":",
+		welkin_fields[welkin_field_find(family->field)].names[i], family->field);
+	text_json_string(text, preset->help);
+	text_puts(text, ",\"fields\":{");
+	for (const struct preset_value *v = preset->values; v->field; v++) {
+		text_printf(text, "%s\"%s\":", v == preset->values ? "" : ",", v->field);
+		value_to_json(&welkin_fields[welkin_field_find(v->field)], &request, text);
+	}
+	text_puts(text, "}}");
+}
+
+char *welkin_presets_json(void)
+{
 	struct text text = { 0 };
 	text_puts(&text, "{\"presets\":[");
-	for (int i = 0; i < PRESET_COUNT; i++) {
-		struct welkin_request request = { .atmosphere.preset = i };
-		preset_apply(none, &request);
-		text_printf(&text, "%s{\"name\":\"%s\",\"description\":", i ? "," : "", names[i]);
-		text_json_string(&text, presets[i].help);
-		text_puts(&text, ",\"fields\":{");
-		for (const struct preset_value *v = presets[i].values; v->field; v++) {
-			text_printf(&text, "%s\"%s\":", v == presets[i].values ? "" : ",", v->field);
-			value_to_json(&welkin_fields[welkin_field_find(v->field)], &request, &text);
+	for (int f = 0; f < FAMILIES; f++)
+		for (int i = 0; i < families[f].n; i++) {
+			text_puts(&text, f || i ? "," : "");
+			preset_json(&families[f], i, &text);
 		}
-		text_puts(&text, "}}");
-	}
 	text_puts(&text, "]}");
 	return text_take(&text);
 }

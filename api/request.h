@@ -24,7 +24,12 @@ enum welkin_projection {
 
 enum welkin_cube_face { WELKIN_FRONT, WELKIN_RIGHT, WELKIN_BACK, WELKIN_LEFT, WELKIN_UP, WELKIN_DOWN };
 
-enum welkin_layer { WELKIN_LAYER_DEPTH = 1, WELKIN_LAYER_TRANSMITTANCE = 2, WELKIN_LAYER_INSCATTER = 4 };
+enum welkin_layer {
+	WELKIN_LAYER_DEPTH = 1,
+	WELKIN_LAYER_TRANSMITTANCE = 2,
+	WELKIN_LAYER_INSCATTER = 4,
+	WELKIN_LAYER_CLOUDS = 8,
+};
 
 enum welkin_format { WELKIN_PNG, WELKIN_EXR };
 enum welkin_exr_type { WELKIN_HALF, WELKIN_FLOAT };
@@ -46,6 +51,39 @@ enum welkin_tone_map {
 	WELKIN_TONE_REINHARD,
 	WELKIN_TONE_EXPONENTIAL,
 	WELKIN_TONE_NONE
+};
+
+enum welkin_cloud_preset {
+	WELKIN_CLOUDS_NONE,
+	WELKIN_CLOUDS_CUMULUS,
+	WELKIN_CLOUDS_TOWERING,
+	WELKIN_CLOUDS_STRATOCUMULUS,
+	WELKIN_CLOUDS_STRATUS,
+	WELKIN_CLOUDS_CIRRUS,
+};
+enum welkin_cloud_lighting { WELKIN_CLOUDS_PHYSICAL, WELKIN_CLOUDS_ARTISTIC };
+/* How Perlin's noise P and Worley's W make the base shape; remap(x, a, b, c, d) takes a…b to c…d. */
+enum welkin_cloud_shape {
+	WELKIN_SHAPE_DILATED_SQUARED, /* remap(P, 0, 1, W, 1)² */
+	WELKIN_SHAPE_DILATED,         /* remap(P, 0, 1, W, 1) */
+	WELKIN_SHAPE_CARVED,          /* remap(P, W, 1, 0, 1) */
+	WELKIN_SHAPE_ERODED,          /* remap(P, W - 1, 1, 0, 1) */
+	WELKIN_SHAPE_PRODUCT,         /* P W */
+	WELKIN_SHAPE_PERLIN,
+	WELKIN_SHAPE_WORLEY,
+};
+enum welkin_worley { WELKIN_WORLEY_EUCLIDEAN, WELKIN_WORLEY_MANHATTAN };
+enum welkin_high_clouds { WELKIN_HIGH_CIRRUS, WELKIN_HIGH_CIRROCUMULUS, WELKIN_HIGH_ALTOCUMULUS };
+/* What makes the march cheaper, one by one. */
+enum welkin_cloud_saving {
+	WELKIN_SAVE_STEPS_BY_ELEVATION = 1,
+	WELKIN_SAVE_EARLY_EXIT = 2,
+	WELKIN_SAVE_EMPTY_SPACE = 4,
+	WELKIN_SAVE_ADAPTIVE_STEPS = 8,
+	WELKIN_SAVE_LIGHT_VOLUME = 16,
+	WELKIN_SAVE_HALF_RESOLUTION = 32,
+	WELKIN_SAVE_BLUE_NOISE = 64,
+	WELKIN_SAVE_OFFSET = 128,
 };
 
 /* Who chose the method, and why this one. Not a field: set where auto is replaced. */
@@ -105,6 +143,24 @@ struct welkin_atmosphere {
 	double ozone_column_du, ozone_center_m, ozone_half_width_m;
 };
 
+struct welkin_clouds {
+	int32_t preset; /* enum welkin_cloud_preset; only a label once resolved */
+	int32_t lighting;
+	double coverage, type, precipitation, anvil; /* 0…1 */
+	double bottom_m, top_m;
+	double liquid_water_g_m3, droplet_radius_um, albedo;
+	double forward_g, backward_g, backward_share;
+	double weather_scale_m, wind_speed_m_s, wind_heading_deg, shear_m, evolution_m_s, time_s;
+	double base_scale_m, base_persistence, base_gamma;
+	int32_t base_perlin_frequency, base_perlin_octaves, base_worley_frequency, base_shape, base_metric, base_inverted;
+	double detail_scale_m, detail_gamma, detail_strength;
+	int32_t detail_frequency, reserved;
+	double curl_scale_m, curl_strength_m;
+	double high_coverage, high_optical_depth, high_altitude_m, high_scale_m;
+	int32_t high_type, steps, light_steps;
+	uint32_t savings;
+};
+
 /* Numbers that the operator's methods take, of all of them together. */
 enum { WELKIN_METHOD_VALUES = 64 };
 
@@ -117,6 +173,7 @@ struct welkin_request {
 	double latitude_deg, longitude_deg;
 	struct welkin_atmosphere atmosphere;
 	double ground_albedo[3];
+	struct welkin_clouds clouds;
 	double exposure_ev;           /* EV100 for mode ev */
 	double exposure_compensation; /* stops, added in every mode */
 	int32_t exposure_mode, tone_map;

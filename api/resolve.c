@@ -88,6 +88,19 @@ static void check_image(struct work *w, enum welkin_format format, const struct 
 		welkin_fault_add(w->faults, 422, "image.layers", "only for EXR", "a PNG image has no layers");
 }
 
+static void check_clouds(struct work *w)
+{
+	const struct welkin_clouds *clouds = &w->r->clouds;
+	const double thickness = clouds->top_m - clouds->bottom_m;
+	if (thickness < 10)
+		welkin_fault_add(w->faults, 422, given(w, "clouds.top_m") ? "clouds.top_m" : "clouds.bottom_m",
+			"clouds.top_m at least 10 m above clouds.bottom_m", "the layer would be %.10g m thick", thickness);
+	if ((clouds->coverage > 0 && clouds->top_m > w->r->atmosphere.top_m) ||
+		(clouds->high_coverage > 0 && clouds->high_altitude_m > w->r->atmosphere.top_m))
+		welkin_fault_add(w->faults, 422, clouds->coverage > 0 ? "clouds.top_m" : "clouds.high.altitude_m",
+			"at most atmosphere.top_m", "there would be clouds above the air");
+}
+
 static void resolve_sun(struct work *w)
 {
 	struct welkin_sun *sun = &w->r->sun;
@@ -186,6 +199,7 @@ void welkin_resolve(const struct welkin_draft *draft, enum welkin_format format,
 	out->image.format = format;
 	resolve_size(&w);
 	check_image(&w, format, limits);
+	check_clouds(&w);
 	resolve_sun(&w);
 	resolve_position(&w);
 	resolve_view(&w);

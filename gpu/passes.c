@@ -16,12 +16,13 @@
 enum { SLICE_PASSES = 128 };
 
 /* Offsets of the blocks in the uniform buffer: 256 is the largest alignment any driver asks for. */
-enum { BLOCK_STRIDE = 256, OFFSET_FRAME = 0, OFFSET_MEDIA = 256, OFFSET_METHOD = 512, OFFSET_BANDS = 768 };
+enum { BLOCK_STRIDE = 256, OFFSET_FRAME = 0, OFFSET_MEDIA = 256, OFFSET_METHOD = 512, OFFSET_CLOUDS = 768, OFFSET_BANDS = 1280 };
 enum { OFFSET_FITTED = OFFSET_BANDS + SCENE_MAX_BATCHES * BLOCK_STRIDE, FITTED_STRIDE = 512 };
 enum { BLOCKS_BYTES = OFFSET_FITTED + SCENE_MAX_BATCHES * FITTED_STRIDE };
 
 _Static_assert(sizeof(struct FrameBlock) <= BLOCK_STRIDE, "FrameBlock outgrew its slot");
 _Static_assert(sizeof(struct MediaBlock) <= BLOCK_STRIDE, "MediaBlock outgrew its slot");
+_Static_assert(sizeof(struct CloudsBlock) <= OFFSET_BANDS - OFFSET_CLOUDS, "CloudsBlock outgrew its slot");
 _Static_assert(sizeof(struct BandsBlock) <= BLOCK_STRIDE, "BandsBlock outgrew its slot");
 _Static_assert(sizeof(struct FittedBlock) <= FITTED_STRIDE, "FittedBlock outgrew its slot");
 
@@ -69,6 +70,7 @@ void passes_blocks(struct passes *passes, const struct scene *scene)
 	unsigned char bytes[BLOCKS_BYTES];
 	memcpy(bytes + OFFSET_FRAME, &scene->frame, sizeof scene->frame);
 	memcpy(bytes + OFFSET_MEDIA, &scene->media, sizeof scene->media);
+	memcpy(bytes + OFFSET_CLOUDS, &scene->clouds, sizeof scene->clouds);
 	memcpy(bytes + OFFSET_METHOD, scene->method_values, sizeof scene->method_values);
 	for (int i = 0; i < scene->n_batches; i++)
 		memcpy(bytes + OFFSET_BANDS + i * BLOCK_STRIDE, &scene->batches[i], sizeof scene->batches[i]);
@@ -92,12 +94,12 @@ void passes_texture(struct passes *passes, unsigned unit, unsigned texture)
 
 static void bind(const struct passes *passes, const struct pass *pass)
 {
-	const GLuint uniform[] = { passes->blocks, passes->blocks, passes->blocks, passes->blocks, passes->blocks };
+	const GLuint b = passes->blocks, uniform[] = { b, b, b, b, b, b };
 	const GLintptr offsets[] = { OFFSET_FRAME, OFFSET_MEDIA, OFFSET_BANDS + pass->batch * BLOCK_STRIDE,
-		OFFSET_FITTED + pass->batch * FITTED_STRIDE, OFFSET_METHOD };
+		OFFSET_FITTED + pass->batch * FITTED_STRIDE, OFFSET_METHOD, OFFSET_CLOUDS };
 	const GLsizeiptr sizes[] = { sizeof(struct FrameBlock), sizeof(struct MediaBlock), sizeof(struct BandsBlock),
-		sizeof(struct FittedBlock), METHOD_VALUES * sizeof(float) };
-	glBindBuffersRange(GL_UNIFORM_BUFFER, BIND_FRAME, 5, uniform, offsets, sizes);
+		sizeof(struct FittedBlock), METHOD_VALUES * sizeof(float), sizeof(struct CloudsBlock) };
+	glBindBuffersRange(GL_UNIFORM_BUFFER, BIND_FRAME, 6, uniform, offsets, sizes);
 	GLuint storage[PASS_STORAGE];
 	memcpy(storage, pass->storage, sizeof storage);
 	storage[BIND_NODES] = passes->nodes;

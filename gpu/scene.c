@@ -4,6 +4,7 @@
  */
 #include "gpu/scene.h"
 
+#include "gpu/clouds.h"
 #include "gpu/method.h"
 #include "gpu/spectrum.h"
 
@@ -268,4 +269,5 @@ void scene_prepare(struct scene *scene, const struct welkin_request *request, co
 	scene->media.sun_intensity = (float)request->sun.intensity;
 	set_bands(scene, request, wavelengths_nm, n);
 	set_method_values(scene, request);
+	clouds_prepare(scene, request);
 }

@@ -12,6 +12,7 @@ enum { SCENE_MAX_BATCHES = WELKIN_MAX_WAVELENGTHS / 4, SCENE_MAX_NODES = 4096 };
 struct scene {
 	struct FrameBlock frame; /* features, exposure_scale and output_format are the planner's */
 	struct MediaBlock media;
+	struct CloudsBlock clouds;
 	int n_bands; /* real wavelengths; the last batch is padded with copies */
 	int n_batches;
 	struct BandsBlock batches[SCENE_MAX_BATCHES];

@@ -147,9 +147,10 @@ static unsigned create_texture(const struct table_desc *desc)
 		glTextureStorage3D(texture, 1, desc->internal_format, desc->width, desc->height, desc->depth);
 	glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
 	glTextureParameteri(texture, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
-	glTextureParameteri(texture, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
-	glTextureParameteri(texture, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
-	glTextureParameteri(texture, GL_TEXTURE_WRAP_R, GL_CLAMP_TO_EDGE);
+	const GLint wrap = desc->repeats ? GL_REPEAT : GL_CLAMP_TO_EDGE;
+	glTextureParameteri(texture, GL_TEXTURE_WRAP_S, wrap);
+	glTextureParameteri(texture, GL_TEXTURE_WRAP_T, wrap);
+	glTextureParameteri(texture, GL_TEXTURE_WRAP_R, wrap);
 	return texture;
 }
 

@@ -19,14 +19,15 @@ struct table_desc {
 				     "table-NAME" */
 	int width, height, depth; /* depth 0: 2-D */
 	unsigned internal_format; /* GL_RGBA32F, … */
+	int repeats;              /* 1: repeats in all directions; 0: clamped to the edge */
 	int unit;                 /* texture unit where the readers expect it (UNIT_…) */
 	int iterations;           /* > 1: the kernel runs that often, LOCATION_ITERATION counting from 0 */
 	int feedback;             /* 1: each run writes a new table and finds the last one's bound to the unit */
 	int threads[3];           /* invocations; 0: one per texel */
 };
 
-/* Makes sure the table for this key (at most 1024 bytes) exists and binds it to its unit: linear
- * filter, clamped to the edge. Where it does not, the call dispatches its kernel with the blocks of the scene and the
+/* Makes sure the table for this key (at most 1024 bytes) exists and binds it to its unit, with a linear
+ * filter. Where it does not, the call dispatches its kernel with the blocks of the scene and the
  * batch bound. A kernel that runs once is ready for the passes that follow; of one that iterates each
  * call dispatches one run and says that it is building, and the caller waits for the device (and
  * lets others have their turn) between calls. desc is told apart by its address: make it static. */

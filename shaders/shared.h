@@ -25,6 +25,7 @@ typedef unsigned int uint;
 #define BIND_FITTED 3
 #define BIND_METHOD 4 /* an operator's method: its parameters as floats, METHOD_VALUES at most; declared by the renderer */
 #define METHOD_VALUES 16
+#define BIND_CLOUDS 5
 
 /* Shader storage bindings. A strip's pixels are numbered by rows; so are the directions of a radiance job. */
 #define BIND_RADIANCE 0      /* vec4 per pixel: linear Rec.709 cd/m² added up over batches, a = luminance of sun × transmittance; FEATURE_SPECTRAL: L of the batch */
@@ -34,12 +35,20 @@ typedef unsigned int uint;
 #define BIND_OUTPUT 4        /* packed pixels of the strip */
 #define BIND_COUNTERS 5      /* uint: pixels of the frame that were not finite */
 #define BIND_NODES 6         /* quadrature nodes: vec2 (position in [0,1], weight) */
+#define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp */
+#define BIND_CLOUD_PLACE 8   /* vec4 per pixel: where they are */
 
 /* Texture units; a method's tables sit at fixed units so that programs need no set-up. */
 #define UNIT_OPTICAL_DEPTH 0
 #define UNIT_MULTIPLE 1
 #define UNIT_SKY_VIEW 2
 #define UNIT_PRECOMPUTED 3
+#define UNIT_CLOUD_WEATHER 8
+#define UNIT_CLOUD_BASE 9
+#define UNIT_CLOUD_DETAIL 10
+#define UNIT_CLOUD_CURL 11
+#define UNIT_CLOUD_HIGH 12
+#define CLOUD_BASE_RUNS 16 /* slabs that the base shape is made in */
 
 /* Samples of the four-dimensional scattering table: the sun's angle, the view's zenith angle (above and below the
  * horizon), the angle between their azimuths, altitude. */
@@ -79,6 +88,26 @@ typedef unsigned int uint;
 #define PHASE_CORNETTE_SHANKS 0
 #define PHASE_HENYEY_GREENSTEIN 1
 #define PHASE_SCHLICK 2
+
+#define CLOUDS_PHYSICAL 0
+#define CLOUDS_ARTISTIC 1
+
+#define SHAPE_DILATED_SQUARED 0
+#define SHAPE_DILATED 1
+#define SHAPE_CARVED 2
+#define SHAPE_ERODED 3
+#define SHAPE_PRODUCT 4
+#define SHAPE_PERLIN 5
+#define SHAPE_WORLEY 6
+
+#define SAVE_STEPS_BY_ELEVATION 1
+#define SAVE_EARLY_EXIT 2
+#define SAVE_EMPTY_SPACE 4
+#define SAVE_ADAPTIVE_STEPS 8
+#define SAVE_LIGHT_VOLUME 16
+#define SAVE_HALF_RESOLUTION 32
+#define SAVE_BLUE_NOISE 64
+#define SAVE_OFFSET 128
 
 /* FrameBlock.projection, cube_face and tone_map: enums of api/request.h, whose order they follow. */
 #define PROJECTION_PERSPECTIVE 0
@@ -139,6 +168,28 @@ WELKIN_BLOCK(MediaBlock, BIND_MEDIA)
 	vec4 aerosol_moments;                  /* of its phase function after delta-M: chi1', chi2', 1 - f */
 	ivec4 rule[RULE_COUNT];                /* quadrature rules in BIND_NODES: x first node, y how many */
 WELKIN_BLOCK_END(media)
+
+/* The clouds: a layer between two shells, described in cloud_density.glsl, and a thin one above. Offsets are those of
+ * the camera's footprint in textures, in units of their side, wrapped. */
+WELKIN_BLOCK(CloudsBlock, BIND_CLOUDS)
+	vec4 east, south;      /* xyz: horizontal axes at the camera, world frame */
+	vec4 base, detail;     /* xyz offset, w 1 / side in 1/m */
+	vec4 weather, curl, high; /* xy offset, z: of weather: coverage, of curl: strength in m, of high: coverage; w 1 / side */
+	float bottom, top;     /* m above the ground sphere */
+	float extinction;      /* 1/m where densest */
+	float albedo;
+	float type, precipitation, anvil, detail_strength;
+	float forward_g, backward_g, backward_share;
+	float high_altitude;   /* m */
+	float high_depth;      /* vertical optical depth where densest */
+	float shear_east, shear_south; /* m from the layer's bottom to its top */
+	int high_type;
+	int lighting, steps, light_steps, savings;
+	int perlin_frequency, perlin_octaves, worley_frequency, base_shape;
+	int worley_metric, worley_inverted, detail_frequency;
+	uint cloud_seed;
+	float persistence, base_gamma, detail_gamma, reserved;
+WELKIN_BLOCK_END(clouds)
 
 /* One batch of four wavelengths. */
 WELKIN_BLOCK(BandsBlock, BIND_BANDS)

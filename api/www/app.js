@@ -137,10 +137,10 @@ function schedule() {
 
 /* ---- what a person sees of the state ---- */
 
-// What unset fields get: a preset's numbers where one is chosen.
+// What unset fields get: the numbers of the presets that are chosen.
 function fallbacks() {
-	const preset = fields.find(f => f.kind === "enum" && f.names.every(n => presets.has(n)));
-	return presets.get(state.get(preset?.name) ?? preset?.fallback) ?? new Map();
+	const chosen = [...presets].map(([name, list]) => list.get(state.get(name) ?? fields.find(f => f.name === name)?.fallback));
+	return new Map(chosen.flatMap(numbers => [...(numbers ?? [])]));
 }
 
 function refresh() {
@@ -196,9 +196,15 @@ function make_copy_buttons() {
 	}
 }
 
+// By the field that chooses them, then by name: the values they set.
 function read_presets(reply) {
-	
-	return new Map(reply.presets.map(p => [p.name, new Map(Object.entries(p.fields).map(([name, value]) => [name, as_text(value)]))]));
+	const found = new Map();
+	for (const p of reply.presets) {
+		const list = found.get(p.field) ?? new Map();
+		list.set(p.name, new Map(Object.entries(p.fields).map(([name, value]) => [name, as_text(value)])));
+		found.set(p.field, list);
+	}
+	return found;
 }
 
 async function start() {

@@ -1,0 +1,219 @@
+#include "gpu/clouds.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <string.h>
+
+_Static_assert(CLOUDS_PHYSICAL == WELKIN_CLOUDS_PHYSICAL && CLOUDS_ARTISTIC == WELKIN_CLOUDS_ARTISTIC,
+	"lightings of shaders/shared.h follow api/request.h");
+_Static_assert(SHAPE_DILATED_SQUARED == WELKIN_SHAPE_DILATED_SQUARED && SHAPE_DILATED == WELKIN_SHAPE_DILATED &&
+		       SHAPE_CARVED == WELKIN_SHAPE_CARVED && SHAPE_ERODED == WELKIN_SHAPE_ERODED &&
+		       SHAPE_PRODUCT == WELKIN_SHAPE_PRODUCT && SHAPE_PERLIN == WELKIN_SHAPE_PERLIN &&
+		       SHAPE_WORLEY == WELKIN_SHAPE_WORLEY,
+	"base shapes of shaders/shared.h follow api/request.h");
+_Static_assert(SAVE_STEPS_BY_ELEVATION == WELKIN_SAVE_STEPS_BY_ELEVATION && SAVE_EARLY_EXIT == WELKIN_SAVE_EARLY_EXIT &&
+		       SAVE_EMPTY_SPACE == WELKIN_SAVE_EMPTY_SPACE && SAVE_ADAPTIVE_STEPS == WELKIN_SAVE_ADAPTIVE_STEPS &&
+		       SAVE_LIGHT_VOLUME == WELKIN_SAVE_LIGHT_VOLUME &&
+		       SAVE_HALF_RESOLUTION == WELKIN_SAVE_HALF_RESOLUTION && SAVE_BLUE_NOISE == WELKIN_SAVE_BLUE_NOISE &&
+		       SAVE_OFFSET == WELKIN_SAVE_OFFSET,
+	"savings of shaders/shared.h follow api/request.h");
+
+bool clouds_present(const struct welkin_clouds *clouds)
+{
+	return clouds->coverage > 0 || (clouds->high_coverage > 0 && clouds->high_optical_depth > 0);
+}
+
+/* Position in a texture that repeats every side_m, in sides: wrapped in double, so that far from the origin a float keeps
+ * its digits. */
+static float wrapped(double position_m, double side_m)
+{
+	const double x = position_m / side_m;
+	return (float)(x - floor(x));
+}
+
+/* The camera's footprint along the ground from the origin, east and south. */
+static void footprint(const struct welkin_request *request, double out[2])
+{
+	const double *p = request->camera.position_m, R = request->atmosphere.planet_radius_m;
+	const double across = hypot(p[0], p[2]), along = R * atan2(across, R + p[1]);
+	out[0] = across > 0 ? p[0] / across * along : 0;
+	out[1] = across > 0 ? p[2] / across * along : 0;
+}
+
+/* Horizontal axes at the camera that are the world's where its vertical is the world's. */
+static void set_axes(struct CloudsBlock *block, const struct FrameBlock *frame)
+{
+	const double up[3] = { (double)frame->vertical[0], (double)frame->vertical[1], (double)frame->vertical[2] };
+	const double lean = 1 + up[1] > 1e-6 ? 1 / (1 + up[1]) : 0;
+	const double east[3] = { 1 - up[0] * up[0] * lean, -up[0], -up[0] * up[2] * lean };
+	const double south[3] = { -up[0] * up[2] * lean, -up[2], 1 - up[2] * up[2] * lean };
+	for (int i = 0; i < 3; i++) {
+		block->east[i] = (float)east[i];
+		block->south[i] = (float)south[i];
+	}
+}
+
+static void set_offsets(struct CloudsBlock *block, const struct welkin_request *request)
+{
+	const struct welkin_clouds *c = &request->clouds;
+	double at[2];
+	footprint(request, at);
+	const double heading = c->wind_heading_deg * (M_PI / 180), moved = c->wind_speed_m_s * c->time_s;
+	const double east = at[0] - moved * sin(heading), south = at[1] + moved * cos(heading);
+	const double risen = -c->evolution_m_s * c->time_s;
+	const struct {
+		float *to;
+		double side_m, rise_m;
+		int flat;
+	} textures[] = { { block->base, c->base_scale_m, risen, 0 }, { block->detail, c->detail_scale_m, 2 * risen, 0 },
+		{ block->weather, c->weather_scale_m, 0, 1 }, { block->curl, c->curl_scale_m, 0, 1 },
+		{ block->high, c->high_scale_m, 0, 1 } };
+	for (size_t i = 0; i < sizeof textures / sizeof textures[0]; i++) {
+		const double side = textures[i].side_m;
+		textures[i].to[0] = wrapped(east, side);
+		textures[i].to[1] = textures[i].flat ? wrapped(south, side) : wrapped(textures[i].rise_m, side);
+		textures[i].to[2] = textures[i].flat ? 0 : wrapped(south, side);
+		textures[i].to[3] = (float)(1 / side);
+	}
+	block->weather[2] = (float)c->coverage;
+	block->curl[2] = (float)c->curl_strength_m;
+	block->high[2] = (float)c->high_coverage;
+	block->shear_east = (float)(c->shear_m * sin(heading));
+	block->shear_south = (float)(-c->shear_m * cos(heading));
+}
+
+void clouds_prepare(struct scene *scene, const struct welkin_request *request)
+{
+	const struct welkin_clouds *c = &request->clouds;
+	struct CloudsBlock *block = &scene->clouds;
+	set_axes(block, &scene->frame);
+	set_offsets(block, request);
+	block->bottom = (float)c->bottom_m;
+	block->top = (float)c->top_m;
+	/* geometric optics: 3/2 LWC / (rho_water r_eff), with g/m³ over (1e6 g/m³ · 1e-6 m) */
+	block->extinction = (float)(1.5 * c->liquid_water_g_m3 / c->droplet_radius_um);
+	block->albedo = (float)c->albedo;
+	block->type = (float)c->type;
+	block->precipitation = (float)c->precipitation;
+	block->anvil = (float)c->anvil;
+	block->detail_strength = (float)c->detail_strength;
+	block->forward_g = (float)c->forward_g;
+	block->backward_g = (float)c->backward_g;
+	block->backward_share = (float)c->backward_share;
+	block->high_altitude = (float)c->high_altitude_m;
+	block->high_depth = (float)c->high_optical_depth;
+	block->high_type = c->high_type;
+	block->lighting = c->lighting;
+	block->steps = c->steps;
+	block->light_steps = c->light_steps;
+	block->savings = (int)c->savings;
+	block->perlin_frequency = c->base_perlin_frequency;
+	block->perlin_octaves = c->base_perlin_octaves;
+	block->worley_frequency = c->base_worley_frequency;
+	block->base_shape = c->base_shape;
+	block->worley_metric = c->base_metric;
+	block->worley_inverted = c->base_inverted;
+	block->detail_frequency = c->detail_frequency;
+	block->cloud_seed = request->seed;
+	block->persistence = (float)c->base_persistence;
+	block->base_gamma = (float)c->base_gamma;
+	block->detail_gamma = (float)c->detail_gamma;
+}
+
+/* ---- tables ---- */
+
+static enum table_state need_base(struct frame_tables *tables, const struct CloudsBlock *c, struct error *err)
+{
+	enum { SIZE = 128 };
+	static const struct table_desc base = {
+		.name = "cloud_base",
+		.width = SIZE,
+		.height = SIZE,
+		.depth = SIZE,
+		.internal_format = GL_RGBA8,
+		.unit = UNIT_CLOUD_BASE,
+		.repeats = 1,
+		.iterations = CLOUD_BASE_RUNS,
+		.threads = { SIZE, SIZE, SIZE / CLOUD_BASE_RUNS },
+	};
+	const struct {
+		int perlin_frequency, perlin_octaves, worley_frequency, shape, metric, inverted;
+		uint seed;
+		float persistence, gamma;
+	} key = { c->perlin_frequency, c->perlin_octaves, c->worley_frequency, c->base_shape, c->worley_metric,
+		c->worley_inverted, c->cloud_seed, c->persistence, c->base_gamma };
+	return tables_need(tables, &base, &key, sizeof key, 0, err);
+}
+
+static enum table_state need_detail(struct frame_tables *tables, const struct CloudsBlock *c, struct error *err)
+{
+	static const struct table_desc detail = {
+		.name = "cloud_detail",
+		.width = 32,
+		.height = 32,
+		.depth = 32,
+		.internal_format = GL_RGBA8,
+		.unit = UNIT_CLOUD_DETAIL,
+		.repeats = 1,
+	};
+	const struct {
+		int frequency, metric, inverted;
+		uint seed;
+		float gamma;
+	} key = { c->detail_frequency, c->worley_metric, c->worley_inverted, c->cloud_seed, c->detail_gamma };
+	return tables_need(tables, &detail, &key, sizeof key, 0, err);
+}
+
+static enum table_state need_weather(struct frame_tables *tables, const struct CloudsBlock *c, struct error *err)
+{
+	static const struct table_desc weather = {
+		.name = "cloud_weather",
+		.width = 512,
+		.height = 512,
+		.internal_format = GL_RGBA8,
+		.unit = UNIT_CLOUD_WEATHER,
+		.repeats = 1,
+	};
+	const struct {
+		float coverage, type, precipitation;
+		uint seed;
+	} key = { c->weather[2], c->type, c->precipitation, c->cloud_seed };
+	return tables_need(tables, &weather, &key, sizeof key, 0, err);
+}
+
+static enum table_state need_curl(struct frame_tables *tables, const struct CloudsBlock *c, struct error *err)
+{
+	static const struct table_desc curl = {
+		.name = "cloud_curl",
+		.width = 128,
+		.height = 128,
+		.internal_format = GL_RGBA8,
+		.unit = UNIT_CLOUD_CURL,
+		.repeats = 1,
+	};
+	return tables_need(tables, &curl, &c->cloud_seed, sizeof c->cloud_seed, 0, err);
+}
+
+static enum table_state need_high(struct frame_tables *tables, const struct CloudsBlock *c, struct error *err)
+{
+	static const struct table_desc high = {
+		.name = "cloud_high",
+		.width = 1024,
+		.height = 1024,
+		.internal_format = GL_RGBA8,
+		.unit = UNIT_CLOUD_HIGH,
+		.repeats = 1,
+	};
+	return tables_need(tables, &high, &c->cloud_seed, sizeof c->cloud_seed, 0, err);
+}
+
+enum table_state need_cloud_noise(struct frame_tables *tables, const struct scene *scene, struct error *err)
+{
+	enum table_state (*const needs[])(struct frame_tables *, const struct CloudsBlock *, struct error *) = {
+		need_base, need_detail, need_weather, need_curl, need_high
+	};
+	enum table_state state = TABLE_READY;
+	for (size_t i = 0; i < sizeof needs / sizeof needs[0] && state == TABLE_READY; i++)
+		state = needs[i](tables, &scene->clouds, err);
+	return state;
+}

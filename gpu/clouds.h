@@ -1,0 +1,19 @@
+#ifndef WELKIN_GPU_CLOUDS_H
+#define WELKIN_GPU_CLOUDS_H
+
+#include "api/request.h"
+#include "gpu/scene.h"
+#include "gpu/tables.h"
+
+/* Clouds in a frame: their block, their noise, their passes (shaders/cloud_density.glsl, shaders/clouds.comp). */
+
+/* Fills scene->clouds; the camera's frame must be there. Pure CPU work. */
+void clouds_prepare(struct scene *scene, const struct welkin_request *request);
+
+/* Would clouds be in the frame at all? */
+bool clouds_present(const struct welkin_clouds *clouds);
+
+/* Noise, weather and the map of high clouds: by noise parameters and seed only. UNIT_CLOUD_… */
+enum table_state need_cloud_noise(struct frame_tables *tables, const struct scene *scene, struct error *err);
+
+#endif

@@ -1,0 +1,129 @@
+/*
+ * Where clouds are and how thick. Cloud space is flat: q = (x, h, z) with x east and z south along the ground from
+ * below the camera, in m, and h the altitude, so that a layer between two shells is one between two planes.
+ *
+ * The density follows Schneider & Vos 2015 and Schneider 2017 as the Brno thesis (2020) has them: a base shape of
+ * Perlin–Worley noise, remapped by the fBm of its finer channels; a profile over height by type; remapped by the weather
+ * map's coverage; its edges eroded by detail that curl noise displaces, wispy below and billowy above. It is zero at
+ * both ends of the layer.
+ */
+#include "atmosphere.glsl"
+
+layout(binding = UNIT_CLOUD_WEATHER) uniform sampler2D cloud_weather_texture;
+layout(binding = UNIT_CLOUD_BASE) uniform sampler3D cloud_base_texture;
+layout(binding = UNIT_CLOUD_DETAIL) uniform sampler3D cloud_detail_texture;
+layout(binding = UNIT_CLOUD_CURL) uniform sampler2D cloud_curl_texture;
+
+/* ---- from rays to cloud space ---- */
+
+/* A ray in the air above one point of the ground: altitude, cosine and sine to the vertical, azimuth as (east, south). */
+struct CloudRay {
+	float h, mu, sine;
+	vec2 azimuth;
+};
+
+CloudRay cloud_ray(vec3 d, vec3 up, float h)
+{
+	vec2 level = vec2(dot(d, clouds.east.xyz), dot(d, clouds.south.xyz));
+	float sine = length(cross(d, up));
+	return CloudRay(h, clamp(dot(d, up), -1.0, 1.0), sine, sine > 1e-6 ? level / max(length(level), 1e-9) : vec2(1.0, 0.0));
+}
+
+/* The point at distance t. */
+vec3 cloud_point(CloudRay ray, float t)
+{
+	float along = media.planet_radius * atan(ray.sine * t, media.planet_radius + ray.h + ray.mu * t);
+	vec2 level = ray.azimuth * along;
+	return vec3(level.x, altitude_at(ray.h, ray.mu, t), level.y);
+}
+
+/* A direction as seen at q, where the vertical leans: east, up, south there. */
+vec3 cloud_direction(vec3 d, vec3 up, vec3 q)
+{
+	vec3 local = vec3(dot(d, clouds.east.xyz), dot(d, up), dot(d, clouds.south.xyz));
+	float along = length(q.xz), angle = along / media.planet_radius;
+	vec2 away = along > 0.0 ? q.xz / along : vec2(1.0, 0.0);
+	float out_ = dot(local.xz, away), c = cos(angle), s = sin(angle);
+	vec2 side = local.xz - away * out_;
+	float outward = out_ * c - local.y * s;
+	vec2 level = side + away * outward;
+	return vec3(level.x, out_ * s + local.y * c, level.y);
+}
+
+/* ---- density ---- */
+
+float cloud_ramp(float x, float a, float b)
+{
+	return clamp((x - a) / (b - a), 0.0, 1.0);
+}
+
+/* Profile over the height within the layer, 0 … 1, of a type: stratus 0, stratocumulus 0.5, cumulus 1. */
+float cloud_profile(float height, float type)
+{
+	const vec4 stratus = vec4(0.0, 0.05, 0.09, 0.12), stratocumulus = vec4(0.0, 0.2, 0.42, 0.7), cumulus = vec4(0.0, 0.12, 0.55, 1.0);
+	vec4 p = type < 0.5 ? mix(stratus, stratocumulus, 2.0 * type) : mix(stratocumulus, cumulus, 2.0 * type - 1.0);
+	float rise = cloud_ramp(height, p.x, p.y), fall = 1.0 - cloud_ramp(height, p.z, p.w);
+	return rise * rise * (3.0 - 2.0 * rise) * fall;
+}
+
+vec4 cloud_weather(vec2 level)
+{
+	return textureLod(cloud_weather_texture, level * clouds.weather.w + clouds.weather.xy, 0.0);
+}
+
+float cloud_height(float h)
+{
+	return (h - clouds.bottom) / (clouds.top - clouds.bottom);
+}
+
+/* Density before erosion, and what erosion needs of it. */
+float cloud_shape(vec3 q, vec4 weather)
+{
+	float height = cloud_height(q.y);
+	vec2 sheared = q.xz - vec2(clouds.shear_east, clouds.shear_south) * height;
+	vec4 n = textureLod(cloud_base_texture, vec3(sheared.x, q.y, sheared.y) * clouds.base.w + clouds.base.xyz, 0.0);
+	float fbm = dot(n.gba, vec3(0.625, 0.25, 0.125));
+	float shape = clamp((n.r - (fbm - 1.0)) / (2.0 - fbm), 0.0, 1.0);
+	/* bases are not level, and thin clouds are low: domes, not columns */
+	float lifted = height - 0.08 * weather.a * weather.b;
+	float tall = mix(1.0, mix(0.35, 1.0, weather.r), weather.b);
+	float coverage = pow(weather.r, mix(1.0, mix(1.0, 0.5, cloud_ramp(height, 0.6, 0.95)), clouds.anvil));
+	float bounds = step(0.0, height) * step(height, 1.0);
+	float profile = cloud_profile(lifted / tall, weather.b) * bounds;
+	return clamp((shape * profile - (1.0 - coverage)) / max(coverage, 1e-3), 0.0, 1.0) * coverage;
+}
+
+float cloud_eroded(vec3 q, float shape)
+{
+	float height = cloud_height(q.y);
+	vec3 swirl = textureLod(cloud_curl_texture, q.xz * clouds.curl.w + clouds.curl.xy, 0.0).rgb * 2.0 - 1.0;
+	vec3 at = q + swirl * (clouds.curl.z * (1.0 - height));
+	vec3 n = textureLod(cloud_detail_texture, at * clouds.detail.w + clouds.detail.xyz, 0.0).rgb;
+	float fbm = dot(n, vec3(0.625, 0.25, 0.125));
+	float bite = mix(fbm, 1.0 - fbm, clamp(height * 8.0, 0.0, 1.0)) * clouds.detail_strength;
+	return clamp((shape - bite) / (1.0 - bite), 0.0, 1.0);
+}
+
+/* 1/m at q, 0 outside the layer. detail 0 leaves out the erosion: nowhere less than with it. */
+float cloud_extinction(vec3 q, int detail)
+{
+	vec4 weather = cloud_weather(q.xz);
+	float shape = cloud_shape(q, weather);
+	if (detail > 0)
+		shape = cloud_eroded(q, shape);
+	return clouds.extinction * shape * (1.0 + weather.g);
+}
+
+/* No point of the layer is denser. */
+float cloud_majorant()
+{
+	return clouds.extinction * (1.0 + clouds.precipitation);
+}
+
+/* ---- phase ---- */
+
+/* Two lobes of Henyey–Greenstein, normalised. */
+float cloud_phase(float nu)
+{
+	return mix(phase_henyey_greenstein(clouds.forward_g, nu), phase_henyey_greenstein(clouds.backward_g, nu), clouds.backward_share);
+}
