@@ -21,10 +21,11 @@ static const char *const phases[] = { "cornette_shanks", "henyey_greenstein", "s
 static const char *const exposure_modes[] = { "auto", "ev", "pupil", NULL };
 static const char *const tone_maps[] = { "agx", "aces", "reinhard", "exponential", "none", NULL };
 
-static const char *const cloud_presets[] = { "none", "cumulus", "towering", "stratocumulus", "stratus", "cirrus", NULL };
-static const char *const cloud_lightings[] = { "physical", "artistic", NULL };
-static const char *const cloud_shapes[] = { "dilated_squared", "dilated", "carved", "eroded", "product", "perlin", "worley",
+static const char *const cloud_presets[] = { "none", "cumulus", "towering", "stratocumulus", "stratus", "cirrus",
 	NULL };
+static const char *const cloud_lightings[] = { "physical", "artistic", NULL };
+static const char *const cloud_shapes[] = { "dilated_squared", "dilated", "carved", "eroded", "product", "perlin",
+	"worley", NULL };
 static const char *const worley_metrics[] = { "euclidean", "manhattan", NULL };
 static const char *const high_clouds[] = { "cirrus", "cirrocumulus", "altocumulus", NULL };
 static const char *const cloud_savings[] = { "steps_by_elevation", "early_exit", "empty_space", "adaptive_steps",
@@ -171,12 +172,13 @@ static const struct welkin_field built_in[] = {
 		"Share of light the ground reflects, at 680, 550 and 440 nm.", NULL, AT(ground_albedo) },
 
 	{ "clouds.preset", WELKIN_TYPE_ENUM, "", 0, 0, "none",
-		"Kind of clouds: where the numbers below that are not given come from; /v1/presets lists them.", cloud_presets,
-		AT(clouds.preset) },
+		"Kind of clouds: where the numbers below that are not given come from; /v1/presets lists them.",
+		cloud_presets, AT(clouds.preset) },
 	{ "clouds.coverage", WELKIN_TYPE_DOUBLE, "", 0, 1, "",
 		"Share of the sky that the layer covers, about: 0 is clear, 1 overcast.", NULL, AT(clouds.coverage) },
 	{ "clouds.type", WELKIN_TYPE_DOUBLE, "", 0, 1, "",
-		"Profile over height: 0 stratus, 0.5 stratocumulus, 1 cumulus, and in between.", NULL, AT(clouds.type) },
+		"Profile over height: 0 stratus, 0.5 stratocumulus, 1 cumulus, and in between.", NULL,
+		AT(clouds.type) },
 	{ "clouds.precipitation", WELKIN_TYPE_DOUBLE, "", 0, 1, "", "Makes clouds denser and darker, as before rain.",
 		NULL, AT(clouds.precipitation) },
 	{ "clouds.anvil", WELKIN_TYPE_DOUBLE, "", 0, 1, "", "Spreads the tops of clouds, as of a storm.", NULL,
@@ -219,8 +221,8 @@ static const struct welkin_field built_in[] = {
 		"How Perlin's noise P and Worley's W make shapes: dilated remap(P,0,1,W,1), its square, carved "
 		"remap(P,W,1,0,1), eroded remap(P,W-1,1,0,1), their product, or one of them alone.",
 		cloud_shapes, AT(clouds.base_shape) },
-	{ "clouds.base.perlin_frequency", WELKIN_TYPE_INT, "", 1, 32, "4", "Lattice cells of Perlin's noise along a side.",
-		NULL, AT(clouds.base_perlin_frequency) },
+	{ "clouds.base.perlin_frequency", WELKIN_TYPE_INT, "", 1, 32, "4",
+		"Lattice cells of Perlin's noise along a side.", NULL, AT(clouds.base_perlin_frequency) },
 	{ "clouds.base.perlin_octaves", WELKIN_TYPE_INT, "", 1, 6, "4", "Octaves of it, each twice as fine.", NULL,
 		AT(clouds.base_perlin_octaves) },
 	{ "clouds.base.persistence", WELKIN_TYPE_DOUBLE, "", 0, 1, "0.5", "Weight of each octave to the one before.",
@@ -251,8 +253,8 @@ static const struct welkin_field built_in[] = {
 		NULL, AT(clouds.high_coverage) },
 	{ "clouds.high.type", WELKIN_TYPE_ENUM, "", 0, 0, "cirrus", "Kind of high clouds.", high_clouds,
 		AT(clouds.high_type) },
-	{ "clouds.high.optical_depth", WELKIN_TYPE_DOUBLE, "", 0, 5, "0.4", "Their vertical optical depth where densest.",
-		NULL, AT(clouds.high_optical_depth) },
+	{ "clouds.high.optical_depth", WELKIN_TYPE_DOUBLE, "", 0, 5, "0.4",
+		"Their vertical optical depth where densest.", NULL, AT(clouds.high_optical_depth) },
 	{ "clouds.high.altitude_m", WELKIN_TYPE_DOUBLE, "m", 100, 6e4, "8500", "Their altitude.", NULL,
 		AT(clouds.high_altitude_m) },
 	{ "clouds.high.scale_m", WELKIN_TYPE_DOUBLE, "m", 1e3, 1e6, "45000", "Side of their map, which repeats.", NULL,
@@ -266,8 +268,10 @@ static const struct welkin_field built_in[] = {
 	{ "clouds.light_steps", WELKIN_TYPE_INT, "", 1, 32, "6", "Samples from each of them towards the sun.", NULL,
 		AT(clouds.light_steps) },
 	{ "clouds.savings", WELKIN_TYPE_FLAGS, "", 0, 0,
-		"steps_by_elevation,early_exit,empty_space,adaptive_steps,light_volume,half_resolution,blue_noise,offset",
-		"What makes the march cheaper; an empty value switches all of it off.", cloud_savings, AT(clouds.savings) },
+		"steps_by_elevation,early_exit,empty_space,adaptive_steps,light_volume,half_resolution,blue_noise,"
+		"offset",
+		"What makes the march cheaper; an empty value switches all of it off.", cloud_savings,
+		AT(clouds.savings) },
 
 	{ "exposure.mode", WELKIN_TYPE_ENUM, "", 0, 0, "auto",
 		"auto meters the image; ev takes exposure.ev; pupil narrows with the angle between view and sun, as an "

@@ -185,7 +185,8 @@ void openapi_schemas(cJSON *schemas)
 	add_methods(schemas);
 
 	cJSON *schema = add_schema(schemas, "Presets", "The presets of this server.");
-	cJSON *item = property_list(schema, "presets", "object", "In the order of atmosphere.preset, then of clouds.preset.");
+	cJSON *item =
+		property_list(schema, "presets", "object", "In the order of atmosphere.preset, then of clouds.preset.");
 	doc_object(item, "properties");
 	property(item, "name", "string", "As its field takes it.");
 	property(item, "field", "string", "The field that chooses it: atmosphere.preset or clouds.preset.");

@@ -83,10 +83,11 @@ static const struct preset presets[] = {
 	},
 };
 
-#define CLOUDS(coverage, type, rain, anvil, bottom, top, water, radius, weather, base, detail, strength, curl, high)      \
+#define CLOUDS(coverage, type, rain, anvil, bottom, top, water, radius, weather, base, detail, strength, curl, high)   \
 	{                                                                                                              \
-		{ "clouds.coverage", { coverage } }, { "clouds.type", { type } }, { "clouds.precipitation", { rain } },\
-			{ "clouds.anvil", { anvil } }, { "clouds.bottom_m", { bottom } }, { "clouds.top_m", { top } }, \
+		{ "clouds.coverage", { coverage } }, { "clouds.type", { type } },                                      \
+			{ "clouds.precipitation", { rain } }, { "clouds.anvil", { anvil } },                           \
+			{ "clouds.bottom_m", { bottom } }, { "clouds.top_m", { top } },                                \
 			{ "clouds.liquid_water_g_m3", { water } }, { "clouds.droplet_radius_um", { radius } },         \
 			{ "clouds.weather.scale_m", { weather } }, { "clouds.base.scale_m", { base } },                \
 			{ "clouds.detail.scale_m", { detail } }, { "clouds.detail.strength", { strength } },           \
@@ -96,7 +97,8 @@ static const struct preset presets[] = {
 /* Indexed by enum welkin_cloud_preset. Water and droplets are typical of the kind: Miles, Verlinde & Clothiaux 2000
  * for stratus and stratocumulus, Rosenfeld & Lensky 1998 for cumulus. */
 static const struct preset cloud_presets[] = {
-	[WELKIN_CLOUDS_NONE] = { "A clear sky.", CLOUDS(0, 1, 0, 0, 1500, 4000, 0.4, 10, 48e3, 5500, 900, 0.35, 120, 0) },
+	[WELKIN_CLOUDS_NONE] = { "A clear sky.",
+		CLOUDS(0, 1, 0, 0, 1500, 4000, 0.4, 10, 48e3, 5500, 900, 0.35, 120, 0) },
 	[WELKIN_CLOUDS_CUMULUS] = { "Fair-weather cumulus.",
 		CLOUDS(0.4, 1, 0, 0, 1200, 2800, 0.4, 10, 48e3, 5500, 900, 0.35, 120, 0) },
 	[WELKIN_CLOUDS_TOWERING] = { "Towering cumulus.",
@@ -116,7 +118,8 @@ static const struct preset_family {
 	int n;
 	size_t offset; /* of the field in the request */
 } families[] = {
-	{ "atmosphere.preset", presets, sizeof presets / sizeof presets[0], offsetof(struct welkin_request, atmosphere.preset) },
+	{ "atmosphere.preset", presets, sizeof presets / sizeof presets[0],
+		offsetof(struct welkin_request, atmosphere.preset) },
 	{ "clouds.preset", cloud_presets, sizeof cloud_presets / sizeof cloud_presets[0],
 		offsetof(struct welkin_request, clouds.preset) },
 };

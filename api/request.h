@@ -152,7 +152,8 @@ struct welkin_clouds {
 	double forward_g, backward_g, backward_share;
 	double weather_scale_m, wind_speed_m_s, wind_heading_deg, shear_m, evolution_m_s, time_s;
 	double base_scale_m, base_persistence, base_gamma;
-	int32_t base_perlin_frequency, base_perlin_octaves, base_worley_frequency, base_shape, base_metric, base_inverted;
+	int32_t base_perlin_frequency, base_perlin_octaves, base_worley_frequency, base_shape, base_metric,
+		base_inverted;
 	double detail_scale_m, detail_gamma, detail_strength;
 	int32_t detail_frequency, reserved;
 	double curl_scale_m, curl_strength_m;

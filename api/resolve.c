@@ -94,7 +94,8 @@ static void check_clouds(struct work *w)
 	const double thickness = clouds->top_m - clouds->bottom_m;
 	if (thickness < 10)
 		welkin_fault_add(w->faults, 422, given(w, "clouds.top_m") ? "clouds.top_m" : "clouds.bottom_m",
-			"clouds.top_m at least 10 m above clouds.bottom_m", "the layer would be %.10g m thick", thickness);
+			"clouds.top_m at least 10 m above clouds.bottom_m", "the layer would be %.10g m thick",
+			thickness);
 	if ((clouds->coverage > 0 && clouds->top_m > w->r->atmosphere.top_m) ||
 		(clouds->high_coverage > 0 && clouds->high_altitude_m > w->r->atmosphere.top_m))
 		welkin_fault_add(w->faults, 422, clouds->coverage > 0 ? "clouds.top_m" : "clouds.high.altitude_m",

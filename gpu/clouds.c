@@ -1,5 +1,7 @@
 #include "gpu/clouds.h"
 
+#include "gpu/sky_tables.h"
+
 #include <epoxy/gl.h>
 #include <math.h>
 #include <string.h>
@@ -11,11 +13,11 @@ _Static_assert(SHAPE_DILATED_SQUARED == WELKIN_SHAPE_DILATED_SQUARED && SHAPE_DI
 		       SHAPE_PRODUCT == WELKIN_SHAPE_PRODUCT && SHAPE_PERLIN == WELKIN_SHAPE_PERLIN &&
 		       SHAPE_WORLEY == WELKIN_SHAPE_WORLEY,
 	"base shapes of shaders/shared.h follow api/request.h");
-_Static_assert(SAVE_STEPS_BY_ELEVATION == WELKIN_SAVE_STEPS_BY_ELEVATION && SAVE_EARLY_EXIT == WELKIN_SAVE_EARLY_EXIT &&
-		       SAVE_EMPTY_SPACE == WELKIN_SAVE_EMPTY_SPACE && SAVE_ADAPTIVE_STEPS == WELKIN_SAVE_ADAPTIVE_STEPS &&
-		       SAVE_LIGHT_VOLUME == WELKIN_SAVE_LIGHT_VOLUME &&
-		       SAVE_HALF_RESOLUTION == WELKIN_SAVE_HALF_RESOLUTION && SAVE_BLUE_NOISE == WELKIN_SAVE_BLUE_NOISE &&
-		       SAVE_OFFSET == WELKIN_SAVE_OFFSET,
+_Static_assert(
+	SAVE_STEPS_BY_ELEVATION == WELKIN_SAVE_STEPS_BY_ELEVATION && SAVE_EARLY_EXIT == WELKIN_SAVE_EARLY_EXIT &&
+		SAVE_EMPTY_SPACE == WELKIN_SAVE_EMPTY_SPACE && SAVE_ADAPTIVE_STEPS == WELKIN_SAVE_ADAPTIVE_STEPS &&
+		SAVE_LIGHT_VOLUME == WELKIN_SAVE_LIGHT_VOLUME && SAVE_HALF_RESOLUTION == WELKIN_SAVE_HALF_RESOLUTION &&
+		SAVE_BLUE_NOISE == WELKIN_SAVE_BLUE_NOISE && SAVE_OFFSET == WELKIN_SAVE_OFFSET,
 	"savings of shaders/shared.h follow api/request.h");
 
 bool clouds_present(const struct welkin_clouds *clouds)
@@ -23,8 +25,15 @@ bool clouds_present(const struct welkin_clouds *clouds)
 	return clouds->coverage > 0 || (clouds->high_coverage > 0 && clouds->high_optical_depth > 0);
 }
 
-/* Position in a texture that repeats every side_m, in sides: wrapped in double, so that far from the origin a float keeps
- * its digits. */
+int clouds_cost_key(const struct welkin_clouds *clouds)
+{
+	if (!clouds_present(clouds))
+		return 0;
+	return (int)(clouds->savings | (unsigned)clouds->light_steps << 8 | (unsigned)clouds->steps << 14) + 1;
+}
+
+/* Position in a texture that repeats every side_m, in sides: wrapped in double, so that far from the origin a float
+ * keeps its digits. */
 static float wrapped(double position_m, double side_m)
 {
 	const double x = position_m / side_m;
@@ -207,12 +216,11 @@ static enum table_state need_high(struct frame_tables *tables, const struct Clou
 	return tables_need(tables, &high, &c->cloud_seed, sizeof c->cloud_seed, 0, err);
 }
 
-enum table_state need_cloud_noise(struct frame_tables *tables, const struct scene *scene, struct error *err)
+enum table_state need_clouds(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)
 {
-	enum table_state (*const needs[])(struct frame_tables *, const struct CloudsBlock *, struct error *) = {
-		need_base, need_detail, need_weather, need_curl, need_high
-	};
-	enum table_state state = TABLE_READY;
+	enum table_state (*const needs[])(struct frame_tables *, const struct CloudsBlock *,
+		struct error *) = { need_base, need_detail, need_weather, need_curl, need_high };
+	enum table_state state = need_multiple(tables, scene, batch, err);
 	for (size_t i = 0; i < sizeof needs / sizeof needs[0] && state == TABLE_READY; i++)
 		state = needs[i](tables, &scene->clouds, err);
 	return state;

@@ -13,7 +13,10 @@ void clouds_prepare(struct scene *scene, const struct welkin_request *request);
 /* Would clouds be in the frame at all? */
 bool clouds_present(const struct welkin_clouds *clouds);
 
-/* Noise, weather and the map of high clouds: by noise parameters and seed only. UNIT_CLOUD_… */
-enum table_state need_cloud_noise(struct frame_tables *tables, const struct scene *scene, struct error *err);
+/* A number that tells marches of different cost apart; 0 without clouds. */
+int clouds_cost_key(const struct welkin_clouds *clouds);
+
+/* All tables that clouds read: noise, weather and the map of high clouds (UNIT_CLOUD_…), and the sky's light. */
+enum table_state need_clouds(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
 
 #endif

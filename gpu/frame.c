@@ -2,6 +2,7 @@
 
 #include "gpu/choose.h"
 #include "gpu/clock.h"
+#include "gpu/clouds.h"
 #include "gpu/operator_methods.h"
 
 #include <math.h>
@@ -106,7 +107,7 @@ struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, i
 		return NULL;
 	}
 	prepare(f);
-	if (job->kind == WELKIN_JOB_IMAGE && !image_start(ws, f, err)) {
+	if (!clouds_choose_programs(ws, f, err) || (job->kind == WELKIN_JOB_IMAGE && !image_start(ws, f, err))) {
 		frame_destroy(ws, f);
 		return NULL;
 	}
@@ -143,10 +144,12 @@ void frame_finish(struct frame *frame, enum welkin_status status, const char *me
 
 static double cost_of(struct workspace *ws, const struct frame *frame, bool *known)
 {
-	const struct welkin_atmosphere *a = &frame->job.request.atmosphere;
-	const double cost = workspace_cost(ws, a->method, a->steps, a->light_steps);
+	const struct welkin_request *r = &frame->job.request;
+	const struct cost setting = workspace_setting(r);
+	const double cost = workspace_cost(ws, &setting);
+	const double samples = setting.clouds ? r->clouds.steps * r->clouds.light_steps * 10.0 : 0;
 	*known = cost > 0;
-	return *known ? cost : ms_per_step * a->steps * a->light_steps;
+	return *known ? cost : ms_per_step * (r->atmosphere.steps * r->atmosphere.light_steps + samples);
 }
 
 int frame_afford(struct workspace *ws, const struct frame *frame, int batches, double start_ms)
@@ -170,8 +173,8 @@ bool frame_settle(struct workspace *ws, struct frame *frame, int pixels, int bat
 	}
 	if (pixels == 0)
 		return true;
-	const struct welkin_atmosphere *a = &frame->job.request.atmosphere;
-	workspace_learn(ws, a->method, a->steps, a->light_steps, ms / pixels / batches, pixels);
+	const struct cost setting = workspace_setting(&frame->job.request);
+	workspace_learn(ws, &setting, ms / pixels / batches, pixels);
 	return true;
 }
 
@@ -215,7 +218,12 @@ static enum table_state bind(struct workspace *ws, struct frame *f, struct error
 
 enum table_state frame_tables(struct workspace *ws, const struct frame *frame, int batch, struct error *err)
 {
-	return frame->method->tables ? frame->method->tables(ws->tables, &frame->scene, batch, err) : TABLE_READY;
+	enum table_state state = TABLE_READY;
+	if (frame->method->tables)
+		state = frame->method->tables(ws->tables, &frame->scene, batch, err);
+	if (state == TABLE_READY && frame->plan.features & FEATURE_CLOUDS)
+		state = need_clouds(ws->tables, &frame->scene, batch, err);
+	return state;
 }
 
 bool frame_slice(struct workspace *ws, struct frame *frame, struct error *err)

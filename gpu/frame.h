@@ -26,6 +26,7 @@ struct frame {
 	struct welkin_job job;
 	const struct method *method;
 	const struct program *rays, *sky, *disk, *output; /* disk, output: chosen when the strips begin */
+	const struct program *clouds, *compose;           /* NULL without clouds */
 	enum frame_stage stage;
 	struct strips strips;   /* METER, STRIPS */
 	int batch, direction;   /* DIRECTIONS: what comes next */
@@ -80,6 +81,12 @@ bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms,
 /* The passes of a tile up to its radiance; samples NULL but for progressive methods (LOCATION_SAMPLES). */
 void image_run_sky(
 	struct workspace *ws, const struct frame *frame, const int tile[4], unsigned radiance, const int samples[4]);
+/* Without clouds, or with a method that traces paths through them, these do nothing. */
+bool clouds_choose_programs(struct workspace *ws, struct frame *frame, struct error *err);
+bool clouds_reserve(struct workspace *ws, const struct frame *frame, int pixels, struct error *err);
+/* The clouds of a tile, in front of what is there; on a bare range of directions for the batch in hand alone. */
+void clouds_run(struct workspace *ws, const struct frame *frame, const int tile[4], unsigned radiance,
+	unsigned transmittance, unsigned directions);
 /* Goes on by that many directions of the batch in hand. */
 void photometer_advance(struct frame *frame, int count);
 /* Puts the job's directions on the device. */

@@ -119,6 +119,8 @@ void image_run_sky(
 		frame_tables(ws, f, sky.batch, NULL);
 		passes_run(ws->passes, &sky);
 	}
+	if (f->clouds)
+		clouds_run(ws, f, tile, radiance, ws->transmittance.id, ws->rays.id);
 }
 
 /* On the part of the strip that the disk may touch, if there is one. */
@@ -147,7 +149,8 @@ static bool meter_step(struct workspace *ws, struct frame *f, double start_ms, s
 	strips_next(&f->strips, frame_afford(ws, f, f->scene.n_batches, start_ms), tile);
 	const int pixels = tile[2] * tile[3];
 	const size_t size = (size_t)pixels * sizeof *f->samples;
-	if (!workspace_reserve(&ws->meter, size, true, err) || !workspace_reserve(&ws->rays, size, false, err)) {
+	if (!workspace_reserve(&ws->meter, size, true, err) || !workspace_reserve(&ws->rays, size, false, err) ||
+		!clouds_reserve(ws, f, pixels, err)) {
 		frame_finish(f, WELKIN_FAILED, err->text);
 		return true;
 	}
@@ -234,7 +237,7 @@ static bool reserve(
 	const size_t size = (size_t)pixels * CHANNELS * sizeof(float);
 	const int layers = f->plan.features & FEATURE_LAYERS, disk = f->plan.features & FEATURE_SUN_DISK;
 	return workspace_reserve(&ws->rays, size, false, err) && workspace_reserve(&ws->radiance, size, false, err) &&
-	       workspace_reserve(&ws->output, planes->size, true, err) &&
+	       clouds_reserve(ws, f, pixels, err) && workspace_reserve(&ws->output, planes->size, true, err) &&
 	       (!layers || workspace_reserve(&ws->inscatter, size, false, err)) &&
 	       (!(layers || disk) || workspace_reserve(&ws->transmittance, size, false, err));
 }

@@ -90,7 +90,7 @@ bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms,
 	const int count = afford < left ? afford : left;
 	const size_t size = (size_t)count * 4 * sizeof(float);
 	if (!workspace_reserve(&ws->spectral_L, size, true, err) ||
-		!workspace_reserve(&ws->spectral_T, size, true, err)) {
+		!workspace_reserve(&ws->spectral_T, size, true, err) || !clouds_reserve(ws, frame, count, err)) {
 		frame_finish(frame, WELKIN_FAILED, err->text);
 		return true;
 	}
@@ -104,6 +104,8 @@ bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms,
 	pass.storage[BIND_DIRECTIONS] = ws->directions.id;
 	frame_tables(ws, frame, frame->batch, NULL);
 	passes_run(ws->passes, &pass);
+	if (frame->clouds)
+		clouds_run(ws, frame, pass.tile, ws->spectral_L.id, ws->spectral_T.id, ws->directions.id);
 	if (!frame_settle(ws, frame, count, 1, err))
 		return false;
 	read_back(ws, frame, frame->direction, count);

@@ -1,6 +1,7 @@
 #include "gpu/planner.h"
 
 #include "gpu/choose.h"
+#include "gpu/clouds.h"
 #include "gpu/view.h"
 
 #include <math.h>
@@ -79,6 +80,18 @@ static void plan_ground(struct plan *plan, const struct scene *scene, const stru
 	planner_note(plan, "ground", true, "the view may meet it");
 }
 
+static void plan_clouds(struct plan *plan, const struct welkin_request *request, const struct method *method)
+{
+	const struct welkin_clouds *clouds = &request->clouds;
+	if (!clouds_present(clouds)) {
+		planner_note(plan, "clouds", false, "their coverage is 0");
+	} else {
+		plan->features |= FEATURE_CLOUDS;
+		planner_note(plan, "clouds", true, method->progressive ? "in the path tracer" : "%d steps at most",
+			clouds->steps);
+	}
+}
+
 static void plan_output(struct plan *plan, const struct welkin_request *request)
 {
 	const struct welkin_image *image = &request->image;
@@ -121,6 +134,7 @@ void planner_plan(
 		const struct view_cone view = view_cone_of(&scene->frame);
 		plan_sun_disk(plan, &job->request, scene, &view);
 		plan_ground(plan, scene, &view);
+		plan_clouds(plan, &job->request, method);
 		plan_output(plan, &job->request);
 		return;
 	}
@@ -129,5 +143,6 @@ void planner_plan(
 	plan->features |= FEATURE_SPECTRAL;
 	plan_sun_disk(plan, &job->request, scene, &all);
 	plan_ground(plan, scene, &all);
+	plan_clouds(plan, &job->request, method);
 	planner_note(plan, "output", false, "radiance is replied as it is");
 }

@@ -1,5 +1,7 @@
 #include "gpu/workspace.h"
 
+#include "gpu/clouds.h"
+
 #include <epoxy/gl.h>
 #include <math.h>
 #include <string.h>
@@ -32,8 +34,8 @@ static void release(struct buffer *buffer)
 void workspace_finish(struct workspace *ws)
 {
 	struct buffer *buffers[] = { &ws->rays, &ws->radiance, &ws->inscatter, &ws->transmittance, &ws->output,
-		&ws->counters, &ws->meter, &ws->samples, &ws->sample_layers, &ws->directions, &ws->spectral_L,
-		&ws->spectral_T };
+		&ws->counters, &ws->cloud_light, &ws->cloud_place, &ws->meter, &ws->samples, &ws->sample_layers,
+		&ws->directions, &ws->spectral_L, &ws->spectral_T };
 	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
 		release(buffers[i]);
 	tables_destroy(ws->tables);
@@ -64,28 +66,35 @@ bool workspace_reserve(struct buffer *buffer, size_t size, bool mapped, struct e
 	return true;
 }
 
-static struct cost *find_cost(struct workspace *ws, int method, int steps, int light_steps)
+struct cost workspace_setting(const struct welkin_request *request)
+{
+	const struct welkin_atmosphere *a = &request->atmosphere;
+	return (struct cost){ a->method, a->steps, a->light_steps, clouds_cost_key(&request->clouds), 0, 0 };
+}
+
+static struct cost *find_cost(struct workspace *ws, const struct cost *setting)
 {
 	for (int i = 0; i < WORKSPACE_COSTS; i++) {
 		struct cost *c = &ws->costs[i];
-		if (c->ms > 0 && c->method == method && c->steps == steps && c->light_steps == light_steps)
+		if (c->ms > 0 && c->method == setting->method && c->steps == setting->steps &&
+			c->light_steps == setting->light_steps && c->clouds == setting->clouds)
 			return c;
 	}
 	return NULL;
 }
 
-double workspace_cost(struct workspace *ws, int method, int steps, int light_steps)
+double workspace_cost(struct workspace *ws, const struct cost *setting)
 {
-	struct cost *c = find_cost(ws, method, steps, light_steps);
+	struct cost *c = find_cost(ws, setting);
 	if (!c)
 		return 0;
 	c->used = ++ws->cost_clock;
 	return c->ms;
 }
 
-void workspace_learn(struct workspace *ws, int method, int steps, int light_steps, double ms_per_pixel, int pixels)
+void workspace_learn(struct workspace *ws, const struct cost *setting, double ms_per_pixel, int pixels)
 {
-	struct cost *c = find_cost(ws, method, steps, light_steps);
+	struct cost *c = find_cost(ws, setting);
 	if (c) {
 		c->ms += fmin(0.5, pixels / 8192.0) * (ms_per_pixel - c->ms);
 		return;
@@ -94,5 +103,7 @@ void workspace_learn(struct workspace *ws, int method, int steps, int light_step
 	for (int i = 1; i < WORKSPACE_COSTS; i++)
 		if (ws->costs[i].used < c->used)
 			c = &ws->costs[i];
-	*c = (struct cost){ method, steps, light_steps, ms_per_pixel, ++ws->cost_clock };
+	*c = *setting;
+	c->ms = ms_per_pixel;
+	c->used = ++ws->cost_clock;
 }

@@ -24,8 +24,8 @@ struct buffer {
 
 /* What a sky kernel was found to cost per pixel and batch, by method and step counts. */
 struct cost {
-	int method, steps, light_steps;
-	double ms; /* 0: the slot is free */
+	int method, steps, light_steps, clouds; /* clouds: what their march costs by, 0 without; clouds_cost_key() */
+	double ms;                              /* 0: the slot is free */
 	unsigned used;
 };
 
@@ -40,6 +40,7 @@ struct workspace {
 	int strip_pixels;                                       /* most pixels in a strip */
 	struct buffer rays, radiance, inscatter, transmittance; /* device only */
 	struct buffer output, counters;                         /* mapped */
+	struct buffer cloud_light, cloud_place;                 /* device only */
 	struct buffer meter;                                    /* mapped */
 	struct buffer samples, sample_layers;                   /* mapped; progressive methods */
 	struct buffer directions, spectral_L, spectral_T;       /* photometer; the last two mapped */
@@ -56,9 +57,11 @@ void workspace_finish(struct workspace *ws);
 /* Makes the buffer at least that large; its content is lost when it grows. */
 bool workspace_reserve(struct buffer *buffer, size_t size, bool mapped, struct error *err);
 
+/* A setting, as costs are kept by: ms and used are not read. */
+struct cost workspace_setting(const struct welkin_request *request);
 /* Estimated device time per pixel and batch; 0 when this setting has not been seen. */
-double workspace_cost(struct workspace *ws, int method, int steps, int light_steps);
+double workspace_cost(struct workspace *ws, const struct cost *setting);
 /* pixels: how many the measurement is of; few say little, since a dispatch costs something by itself. */
-void workspace_learn(struct workspace *ws, int method, int steps, int light_steps, double ms_per_pixel, int pixels);
+void workspace_learn(struct workspace *ws, const struct cost *setting, double ms_per_pixel, int pixels);
 
 #endif

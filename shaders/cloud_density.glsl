@@ -16,25 +16,49 @@ layout(binding = UNIT_CLOUD_CURL) uniform sampler2D cloud_curl_texture;
 
 /* ---- from rays to cloud space ---- */
 
-/* A ray in the air above one point of the ground: altitude, cosine and sine to the vertical, azimuth as (east, south). */
+/* A ray from the camera, or from where it enters the air: altitude, cosine and sine to the vertical there, azimuth as
+ * (east, south), angle at the planet's centre from the camera's vertical, distance from the camera. */
 struct CloudRay {
 	float h, mu, sine;
 	vec2 azimuth;
+	float angle, start;
 };
 
+/* start < 0: the ray meets no air. */
 CloudRay cloud_ray(vec3 d, vec3 up, float h)
 {
+	float R = media.planet_radius, sine = length(cross(d, up));
 	vec2 level = vec2(dot(d, clouds.east.xyz), dot(d, clouds.south.xyz));
-	float sine = length(cross(d, up));
-	return CloudRay(h, clamp(dot(d, up), -1.0, 1.0), sine, sine > 1e-6 ? level / max(length(level), 1e-9) : vec2(1.0, 0.0));
+	CloudRay ray = CloudRay(h, clamp(dot(d, up), -1.0, 1.0), sine, vec2(1.0, 0.0), 0.0, 0.0);
+	if (sine > 1e-6)
+		ray.azimuth = level / max(length(level), 1e-9);
+	ray.start = ray_enter(ray.h, ray.mu, sine);
+	if (ray.start > 0.0) {
+		ray.sine = min((R + h) * sine / (R + ray.h), 1.0);
+		ray.angle = atan(ray.sine, -ray.mu) - atan(sine, -dot(d, up));
+	}
+	return ray;
 }
 
-/* The point at distance t. */
+/* The point at distance t from the camera. */
 vec3 cloud_point(CloudRay ray, float t)
 {
-	float along = media.planet_radius * atan(ray.sine * t, media.planet_radius + ray.h + ray.mu * t);
-	vec2 level = ray.azimuth * along;
-	return vec3(level.x, altitude_at(ray.h, ray.mu, t), level.y);
+	float R = media.planet_radius, from = t - ray.start;
+	float along = R * (ray.angle + atan(ray.sine * from, R + ray.h + ray.mu * from));
+	return vec3(ray.azimuth.x * along, altitude_at(ray.h, ray.mu, from), ray.azimuth.y * along);
+}
+
+/* Distances from the camera between which the ray is below altitude H, x >= y where nowhere. */
+vec2 cloud_below(CloudRay ray, float H)
+{
+	float b = (media.planet_radius + ray.h) * ray.mu, c = (ray.h - H) * (2.0 * media.planet_radius + ray.h + H);
+	float disc = b * b - c;
+	if (disc <= 0.0)
+		return vec2(1.0, 0.0);
+	float s = sqrt(disc), q = b > 0.0 ? -(b + s) : s - b; /* of the same sign as -b: no cancellation */
+	float other = abs(q) > 0.0 ? c / q : 0.0;
+	vec2 roots = vec2(min(q, other), max(q, other));
+	return roots.y <= 0.0 ? vec2(1.0, 0.0) : ray.start + max(roots, 0.0);
 }
 
 /* A direction as seen at q, where the vertical leans: east, up, south there. */

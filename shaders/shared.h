@@ -83,6 +83,7 @@ typedef unsigned int uint;
 #define FEATURE_SUN_DISK 1
 #define FEATURE_GROUND 2
 #define FEATURE_LAYERS 4
+#define FEATURE_CLOUDS 16
 #define FEATURE_SPECTRAL 8 /* radiance job: L and T per band, no matrix */
 
 #define PHASE_CORNETTE_SHANKS 0

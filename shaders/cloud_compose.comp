@@ -1,0 +1,54 @@
+/*
+ * Puts the clouds of a strip in front of what a sky method has left there, for one spectral batch: what is behind is
+ * dimmed, the clouds' own light is coloured by the sun, sky and ground at the place where they are, and the air in
+ * front of them covers them.
+ */
+#include "multiple_table.glsl"
+
+layout(local_size_x = WORKGROUP_LINE) in;
+layout(location = LOCATION_TILE) uniform ivec4 tile;
+layout(location = LOCATION_BATCH) uniform int batch;
+layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
+layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
+layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
+layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
+layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer Place { vec4 place[]; };
+
+/* Radiance of the clouds at the place where the ray sees them, per sun irradiance of 1. */
+vec4 cloud_radiance(vec3 d, vec4 answer, float t)
+{
+	vec3 up = frame.vertical.xyz, sun = frame.sun_direction.xyz;
+	float R = media.planet_radius, h = frame.camera_altitude;
+	vec3 p = up * (R + h) + d * t;
+	float r = length(p), mu_s = dot(p, sun) / r, at = altitude_at(h, dot(up, d), t);
+	Moments m = multiple_moments(at, mu_s);
+	vec4 down = max(0.25 * m.m0 + 0.5 * m.vz, 0.0), back = max(0.25 * m.m0 - 0.5 * m.vz, 0.0);
+	vec4 sunlight = mu_s > mu_horizon(at) ? exp(-optical_depth(sun_column(at, mu_s))) : vec4(0.0);
+	return sunlight * answer.y + (down * answer.z + back * answer.w) / PI;
+}
+
+vec3 to_rgb(vec4 L)
+{
+	return vec3(dot(bands.to_rgb[0], L), dot(bands.to_rgb[1], L), dot(bands.to_rgb[2], L));
+}
+
+void main()
+{
+	int i = int(gl_GlobalInvocationID.x);
+	if (i >= tile.z * tile.w)
+		return;
+	bool spectral = (frame.features & FEATURE_SPECTRAL) != 0;
+	vec4 at = direction[spectral ? tile.x + i : i], answer = light[i];
+	if (at.w < 0.0)
+		return;
+	vec4 L = bands.sun_irradiance * cloud_radiance(at.xyz, answer, place[i].z);
+	if (spectral) {
+		radiance[i] = radiance[i] * answer.x + L;
+		transmittance[i] *= answer.x;
+		return;
+	}
+	float through = batch == 0 ? answer.x : 1.0;
+	radiance[i] = radiance[i] * through + vec4(to_rgb(L), 0.0);
+	if ((frame.features & (FEATURE_SUN_DISK | FEATURE_LAYERS)) != 0)
+		transmittance[i].rgb *= through;
+}
