@@ -27,7 +27,21 @@ CloudLight cloud_light_at(vec3 q)
 	vec4 a = textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, level), level), 0.0);
 	vec4 b = textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, next), next), 0.0);
 	vec4 light = mix(a, b, smoothstep(0.8, 1.0, cloud_grid_reach(q, level)));
-	return CloudLight(light.xyz, light.w);
+	/* transmittance, not depth, is what may be interpolated at a cloud's edge */
+	return CloudLight(light.xyz, -log(max(light.w, 1e-9)) / cloud_light_scale());
+}
+
+/* Optical depth from q to the sun: `near` samples over the next cell and a half, where the grid doesn't see the cloud's shape, and the grid's
+ * from there on. */
+float cloud_light_sun_depth(vec3 q, vec3 to_sun, int near)
+{
+	float reach = 3 * cloud_grid_crossing(to_sun, cloud_grid_level(q, 0)), depth = 0.0;
+	for (int i = 0; i < near; i++) {
+		/* quadratic: the nearest are the densest */
+		float a = float(i) / float(near), b = float(i + 1) / float(near);
+		depth += cloud_extinction(q + to_sun * (0.5 * (a * a + b * b) * reach), 1) * (b * b - a * a) * reach;
+	}
+	return depth + cloud_light_at(q + to_sun * reach).sun_depth * cloud_grid_within(q + to_sun * reach);
 }
 
 /*

@@ -1,7 +1,7 @@
 /*
  * One sweep of transport after diffusion: what arrives at each cell, from the directions of the grid, of the light that the cells emit
  * (table cloud_diffuse: x, y, z emitted for sun, sky, ground; w σ'), and of sky and ground behind them. It mends
- * what diffusion gets wrong where light leaves. w: optical depth to the sun, in the true medium.
+ * what diffusion gets wrong where light leaves. w: transmittance to the sun.
  */
 #include "cloud_grid.glsl"
 
@@ -59,5 +59,5 @@ void main()
 		for (int i = 0; i < CLOUD_DIRECTIONS; i++)
 			sum += cloud_grid_weight(i) * arriving(q, cloud_grid_direction(i), level);
 	}
-	imageStore(table, texel, vec4(sum, -log(max(openness.z, 1e-9)) / cloud_light_scale()));
+	imageStore(table, texel, vec4(sum, openness.z));
 }

@@ -13,14 +13,15 @@ layout(rgba32f, binding = 0) uniform writeonly image3D table;
 
 const float CLOUDS_APART = 300.0; /* m */
 
-/* Mean transmittance from the points of a cell out along d: through half of it, then in steps that grow. */
-float cell_transmittance(vec3 q, vec3 d, int level, float own, int steps, float growth)
+/* Mean transmittance from the points of a cell out along d: through half of it, then in steps that grow; those longer than so many cells
+ * go through the next, coarser level. */
+float cell_transmittance(vec3 q, vec3 d, int level, float own, int steps, float growth, float longest)
 {
 	float crossing = cloud_grid_crossing(d, level), x = own * crossing, step_ = crossing, t = 0.5 * crossing;
 	float depth = 0.0;
 	for (int i = 0; i < steps; i++) {
 		vec3 at = q + d * (t + 0.5 * step_);
-		int l = cloud_grid_level(at, min(step_ > 2.5 * crossing ? level + 1 : level, CLOUD_GRID_LEVELS - 1));
+		int l = cloud_grid_level(at, min(step_ > longest * crossing ? level + 1 : level, CLOUD_GRID_LEVELS - 1));
 		float sigma = textureLod(cloud_cells_texture, cloud_grid_coordinates(cloud_grid_place(at, l), l), 0.0).r;
 		depth += sigma * step_ * cloud_grid_within(at);
 		t += step_;
@@ -40,12 +41,12 @@ void main()
 	/* where nothing is, nothing leaves */
 	for (int i = 0; i < (own > 0.0 ? CLOUD_DIRECTIONS : 0); i++) {
 		vec3 d = cloud_grid_direction(i);
-		float T = cloud_grid_weight(i) * cell_transmittance(q, d, level, own, 6, 1.6), sky = cloud_sky_share(d);
+		float T = cloud_grid_weight(i) * cell_transmittance(q, d, level, own, 6, 1.6, 3.0), sky = cloud_sky_share(d);
 		up += T * sky;
 		down += T * (1.0 - sky);
 	}
 	vec3 to_sun = cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q);
-	float T_sun = cell_transmittance(q, to_sun, level, own, 12, 1.5);
+	float T_sun = cell_transmittance(q, to_sun, level, own, 24, 1.15, 8.0);
 	float D = (1.0 - up - down) * own / (3.0 * (own * own + 2.0 / (CLOUDS_APART * CLOUDS_APART)));
 	imageStore(table, texel, vec4(up, down, T_sun, max(D, 0.0)));
 }

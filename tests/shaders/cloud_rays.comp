@@ -1,6 +1,6 @@
 /*
  * Marches rays through a cloud in small even steps, so that what is measured is the model of light alone.
- * MODEL 0: shaders/cloud_light.glsl, the sun's optical depth marched; 1: the same from its table;
+ * MODEL 0: shaders/cloud_light.glsl, the sun's optical depth marched; 1: three samples of it and the rest from its table;
  * 2: the octaves of Wrenninge et al. 2013, eight, each of half the scattering, extinction and anisotropy of the last.
  */
 #include "cloud_light.glsl"
@@ -49,7 +49,7 @@ void main()
 			source = vec3(octaves(marched_depth(q, to_sun), nu), 0.0, 0.0);
 		} else {
 			CloudLight light = cloud_light_at(q);
-			source = cloud_light_source(light, MODEL == 1 ? light.sun_depth : marched_depth(q, to_sun), depth + 0.5 * x, nu);
+			source = cloud_light_source(light, MODEL == 1 ? cloud_light_sun_depth(q, to_sun, 5) : marched_depth(q, to_sun), depth + 0.5 * x, nu);
 		}
 		sum += exp(-k * depth) * (1.0 - exp(-k * x)) / k * source;
 		depth += x;
