@@ -119,6 +119,40 @@ static void measure(int s, int paths, const char *folder, struct totals *totals)
 	cloud_field_destroy(&field);
 }
 
+static double unit(const void *context, const double q[3])
+{
+	(void)context;
+	(void)q;
+	return 1;
+}
+
+/* Decks without sides: shares reflected and transmitted against Monte Carlo, and how far their sum is from 1. */
+static void measure_decks(int photons, const double *taus, int n_taus)
+{
+	static const struct {
+		const char *name;
+		struct cloud_phase phase;
+	} phases[] = { { "two lobes", { 0.9, 0.9, -0.15 } }, { "g = .85", { 1, 0.85, 0 } },
+		{ "isotropic", { 1, 0, 0 } } };
+	static const double mu0s[] = { 1, 0.5, 0.1 };
+	printf("deck         tau  mu0  reflected  (Monte Carlo)  diffuse  (Monte Carlo)  energy\n");
+	for (size_t p = 0; p < sizeof phases / sizeof phases[0]; p++)
+		for (int t = 0; t < n_taus; t++)
+			for (size_t m = 0; m < sizeof mu0s / sizeof mu0s[0]; m++) {
+				const struct cloud_medium slab = { .extinction = unit,
+					.majorant = 1,
+					.low = { -INFINITY, 0, -INFINITY },
+					.high = { INFINITY, taus[t], INFINITY },
+					.albedo = 1,
+					.phase = phases[p].phase };
+				const struct cloud_fluxes wanted = cloud_mc_fluxes(&slab, mu0s[m], photons, 17);
+				const struct cloud_fluxes got = cloud_light_fluxes(taus[t], &phases[p].phase, mu0s[m]);
+				printf("%-10s  %4g  %3.1f     %6.3f         %6.3f   %6.3f         %6.3f  %6.3f\n",
+					phases[p].name, taus[t], mu0s[m], got.reflected, wanted.reflected, got.diffuse,
+					wanted.diffuse, got.reflected + got.diffuse + got.direct);
+			}
+}
+
 int main(int argc, char **argv)
 {
 	const bool smoke = argc > 1 && strcmp(argv[1], "--smoke") == 0;
@@ -137,6 +171,8 @@ int main(int argc, char **argv)
 	for (int c = 0; c < COLUMNS; c++)
 		printf("  %6.1f %5.1f", 100 * totals.mean[c] / totals.n, 100 * totals.rmse[c] / totals.n);
 	printf("\n");
+	static const double taus[] = { 1, 4, 16, 64 };
+	measure_decks(smoke ? 1000 : 20000, taus, smoke ? 1 : 4);
 	lib_gpu_close(NULL);
 	return 0;
 }

@@ -69,6 +69,8 @@ static double shape_at(enum cloud_shape shape, const double q[3])
 		return fmax(fmax(fabs(c[0]), fabs(c[1])), fabs(c[2])) <= 500;
 	case CLOUD_BLOB:
 		return exp(-0.5 * r * r / (250 * 250)) * 1000 / (250 * sqrt(2 * M_PI));
+	case CLOUD_DECK:
+		return fabs(c[1]) < 500 ? 1 : fabs(c[1]) == 500 ? 0.5 : 0;
 	default:
 		return cumulus(q);
 	}
@@ -76,16 +78,18 @@ static double shape_at(enum cloud_shape shape, const double q[3])
 
 struct cloud_field cloud_field_create(enum cloud_shape shape, double tau)
 {
-	static const char *names[CLOUD_SHAPES] = { "sphere", "cube", "blob", "cumulus" };
+	static const char *names[CLOUD_SHAPES] = { "sphere", "cube", "blob", "cumulus", "deck" };
 	struct cloud_field f = {
 		.name = names[shape], .n = { 129, 65, 129 }, .origin = { -1600, 1000, -1600 }, .cell = 25
 	};
 	f.extinction = calloc((size_t)f.n[0] * (size_t)f.n[1] * (size_t)f.n[2], sizeof *f.extinction);
 	if (!f.extinction)
 		return f;
-	for (int k = 1; k < f.n[2] - 1; k++)
+	f.endless = shape == CLOUD_DECK;
+	const int side = f.endless ? 0 : 1; /* nodes left empty around the others */
+	for (int k = side; k < f.n[2] - side; k++)
 		for (int j = 1; j < f.n[1] - 1; j++)
-			for (int i = 1; i < f.n[0] - 1; i++) {
+			for (int i = side; i < f.n[0] - side; i++) {
 				const double q[3] = { f.origin[0] + f.cell * i, f.origin[1] + f.cell * j,
 					f.origin[2] + f.cell * k };
 				const float sigma = (float)(tau / 1000 * shape_at(shape, q));
@@ -108,7 +112,8 @@ double cloud_field_extinction(const void *context, const double q[3])
 	size_t at = 0, stride[3] = { 1, (size_t)f->n[0], (size_t)f->n[0] * (size_t)f->n[1] };
 	double w[3];
 	for (int i = 0; i < 3; i++) {
-		const double p = (q[i] - f->origin[i]) / f->cell;
+		const double x = f->endless && i != 1 ? 0 : q[i];
+		const double p = (x - f->origin[i]) / f->cell;
 		if (!(p >= 0 && p < f->n[i] - 1))
 			return 0;
 		w[i] = p - (int)p;
@@ -135,6 +140,10 @@ struct cloud_medium cloud_field_medium(const struct cloud_field *field, const st
 		.albedo = 1,
 		.phase = *phase,
 	};
+	if (field->endless) {
+		m.low[0] = m.low[2] = -INFINITY;
+		m.high[0] = m.high[2] = INFINITY;
+	}
 	/* only as large as what scatters, for speed */
 	for (int k = 0; k < field->n[2]; k++)
 		for (int j = 0; j < field->n[1]; j++)

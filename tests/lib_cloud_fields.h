@@ -11,9 +11,10 @@ struct cloud_field {
 	double origin[3], cell;
 	float *extinction; /* x fastest, then h, then z; 1/m */
 	float peak;
+	int endless; /* a layer that goes on beyond the grid's sides */
 };
 
-enum cloud_shape { CLOUD_SPHERE, CLOUD_CUBE, CLOUD_BLOB, CLOUD_CUMULUS, CLOUD_SHAPES };
+enum cloud_shape { CLOUD_SPHERE, CLOUD_CUBE, CLOUD_BLOB, CLOUD_CUMULUS, CLOUD_DECK, CLOUD_SHAPES };
 
 /* 3200 m × 1600 m × 3200 m over h = 1000 m, centred at x = z = 0, nodes 25 m apart. Sphere and cube are 1000 m wide,
  * the blob is a Gaussian of 250 m standard deviation; tau is the vertical optical depth through their centre. Of
@@ -22,7 +23,7 @@ enum cloud_shape { CLOUD_SPHERE, CLOUD_CUBE, CLOUD_BLOB, CLOUD_CUMULUS, CLOUD_SH
 struct cloud_field cloud_field_create(enum cloud_shape shape, double tau);
 void cloud_field_destroy(struct cloud_field *field);
 
-/* 1/m, 0 outside. */
+/* 1/m; 0 outside, but for the deck. */
 double cloud_field_extinction(const void *field, const double q[3]);
 
 /* The field as the path tracer takes it; the field stays the caller's. */

@@ -5,6 +5,7 @@
 #include "tests/lib_request.h"
 
 #include <epoxy/gl.h>
+#include <gsl/gsl_integration.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -66,6 +67,7 @@ static void field_scene(struct scene *scene, const struct cloud_field *field, co
 	for (int i = 0; i < 3; i++)
 		c->base[i] = (float)field->origin[i];
 	c->base[3] = (float)field->cell;
+	c->curl[0] = (float)field->endless;
 	c->bottom = (float)field->origin[1];
 	c->top = (float)(field->origin[1] + field->cell * (field->n[1] - 1));
 	c->albedo = (float)albedo;
@@ -142,6 +144,45 @@ struct cloud_lighting cloud_light_render(const struct cloud_field *field, const 
 	tables_destroy(tables);
 	programs_destroy(programs);
 	glDeleteTextures(1, &texture);
+	return result;
+}
+
+/* ---- fluxes ---- */
+
+enum { FLUX_MU = 24, FLUX_PHI = 48 };
+
+/* Of the sun's light on a deck: what leaves upwards (up 1) or downwards by scattering, of what arrives. */
+static double deck_flux(const struct cloud_field *deck, const struct cloud_phase *phase, double mu0, int up)
+{
+	static struct cloud_ray rays[FLUX_MU * FLUX_PHI];
+	static float answers[FLUX_MU * FLUX_PHI][CLOUD_RESPONSES];
+	gsl_integration_glfixed_table *rule = gsl_integration_glfixed_table_alloc(FLUX_MU);
+	double weights[FLUX_MU], sum = 0;
+	for (int i = 0; i < FLUX_MU; i++) {
+		double mu;
+		gsl_integration_glfixed_point(0, 1, (size_t)i, &mu, &weights[i], rule);
+		weights[i] *= mu * 2 * M_PI / FLUX_PHI;
+		for (int j = 0; j < FLUX_PHI; j++) {
+			const double phi = 2 * M_PI * (j + 0.5) / FLUX_PHI, sine = sqrt(1 - mu * mu);
+			const struct cloud_ray ray = { { 0, up ? 2350 : 1250, 0 },
+				{ sine * cos(phi), up ? -mu : mu, sine * sin(phi) } };
+			rays[i * FLUX_PHI + j] = ray;
+		}
+	}
+	gsl_integration_glfixed_table_free(rule);
+	cloud_light_render(deck, phase, 1, asin(mu0) * (180 / M_PI), LIGHT_MODEL, rays, FLUX_MU * FLUX_PHI, answers);
+	for (int i = 0; i < FLUX_MU * FLUX_PHI; i++)
+		sum += weights[i / FLUX_PHI] * (double)answers[i][CLOUD_SUN];
+	return sum / mu0;
+}
+
+struct cloud_fluxes cloud_light_fluxes(double tau, const struct cloud_phase *phase, double mu0)
+{
+	struct cloud_field deck = cloud_field_create(CLOUD_DECK, tau);
+	assert_non_null(deck.extinction);
+	const struct cloud_fluxes result = { deck_flux(&deck, phase, mu0, 1), deck_flux(&deck, phase, mu0, 0),
+		exp(-tau / mu0) };
+	cloud_field_destroy(&deck);
 	return result;
 }
 

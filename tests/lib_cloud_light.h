@@ -21,6 +21,9 @@ struct cloud_lighting cloud_light_render(const struct cloud_field *field, const 
 	double albedo, double sun_elevation_deg, enum light_model model, const struct cloud_ray *rays, int n,
 	float (*answers)[CLOUD_RESPONSES]);
 
+/* Where the light of a sun at cosine mu0 to the vertical leaves an endless deck of that optical depth. */
+struct cloud_fluxes cloud_light_fluxes(double tau, const struct cloud_phase *phase, double mu0);
+
 /* 4 pictures of CLOUD_VIEW_SIDE² rays, parallel: from the sun's side, against the sun, from below, from above. */
 enum { CLOUD_VIEWS = 4, CLOUD_VIEW_SIDE = 16, CLOUD_VIEW_RAYS = CLOUD_VIEW_SIDE * CLOUD_VIEW_SIDE };
 extern const char *const cloud_view_names[CLOUD_VIEWS];
