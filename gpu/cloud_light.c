@@ -54,7 +54,8 @@ enum table_state need_cloud_light(struct frame_tables *tables, const struct scen
 			.internal_format = GL_RGBA32F,
 			CLOUD_GRID_SIZE,
 			.iterations = CLOUD_DIFFUSE_RUNS,
-			.feedback = 1 },
+			.feedback = 1,
+			.threads = { CLOUD_GRID_ACROSS, CLOUD_GRID_ACROSS, CLOUD_GRID_LEVELS } },
 		{ .name = "cloud_light", .unit = UNIT_CLOUD_LIGHT, .internal_format = GL_RGBA32F, CLOUD_GRID_SIZE },
 	};
 	struct light_key key;

@@ -77,6 +77,12 @@ float cloud_grid_within(vec3 q)
 	return step(clouds.bottom, q.y) * step(q.y, clouds.top);
 }
 
+/* Distance from q, within the layer, to where d leaves it. */
+float cloud_grid_way_out(vec3 q, vec3 d)
+{
+	return (d.y > 0.0 ? clouds.top - q.y : q.y - clouds.bottom) / max(abs(d.y), 1e-5);
+}
+
 /* Distance through a cell along d, through its middle. */
 float cloud_grid_crossing(vec3 d, int level)
 {

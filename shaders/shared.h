@@ -60,7 +60,7 @@ typedef unsigned int uint;
 #define CLOUD_GRID_UP 20
 #define CLOUD_GRID_LEVELS 3
 #define CLOUD_GRID_GROWTH 4.0
-#define CLOUD_DIFFUSE_RUNS 16 /* relaxations of the diffusion equation */
+#define CLOUD_DIFFUSE_RUNS 14 /* of the diffusion equation: columns alone, relaxations (their number prime to 5), light emitted */
 
 #define CLOUD_BASE_RUNS 16 /* slabs that the base shape is made in */
 

@@ -134,7 +134,7 @@ static void measure_decks(int photons, const double *taus, int n_taus)
 		struct cloud_phase phase;
 	} phases[] = { { "two lobes", { 0.9, 0.9, -0.15 } }, { "g = .85", { 1, 0.85, 0 } },
 		{ "isotropic", { 1, 0, 0 } } };
-	static const double mu0s[] = { 1, 0.5, 0.1 };
+	static const double mu0s[] = { 1, 0.5, 0.25, 0.1 };
 	printf("deck         tau  mu0  reflected  (Monte Carlo)  diffuse  (Monte Carlo)  energy\n");
 	for (size_t p = 0; p < sizeof phases / sizeof phases[0]; p++)
 		for (int t = 0; t < n_taus; t++)
@@ -165,7 +165,8 @@ int main(int argc, char **argv)
 	for (int c = 0; c < COLUMNS; c++)
 		printf("  %12s", columns[c].name);
 	printf("   noise\n");
-	for (int s = 0; s < SCENES; s += smoke ? SCENES - 1 : 1)
+	const bool decks = argc > 1 && strcmp(argv[1], "--decks") == 0;
+	for (int s = decks ? SCENES : 0; s < SCENES; s += smoke ? SCENES - 1 : 1)
 		measure(s, smoke ? 50 : PATHS, argc > 1 && !smoke ? argv[1] : NULL, &totals);
 	printf("%-32s", "mean of sizes");
 	for (int c = 0; c < COLUMNS; c++)

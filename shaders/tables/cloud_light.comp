@@ -10,25 +10,26 @@ layout(rgba32f, binding = 0) uniform writeonly image3D table;
 layout(binding = UNIT_CLOUD_OPENNESS) uniform sampler3D cloud_openness_texture;
 layout(binding = UNIT_CLOUD_DIFFUSE) uniform sampler3D cloud_diffuse_texture;
 
-const int STEPS = 6;
+const int STEPS = 7;
 
 vec4 emitted(vec3 q, int level)
 {
-	return textureLod(cloud_diffuse_texture, cloud_grid_coordinates(cloud_grid_place(q, level), level), 0.0) * cloud_grid_within(q);
+	return textureLod(cloud_diffuse_texture, cloud_grid_coordinates(cloud_grid_place(q, level), level), 0.0);
 }
 
 vec3 arriving(vec3 q, vec3 d, int level)
 {
-	float crossing = cloud_grid_crossing(d, level), step_ = 0.5 * crossing, t = 0.0, T = 1.0;
+	float crossing = cloud_grid_crossing(d, level), step_ = 0.5 * crossing, t = 0.0, T = 1.0, way_out = cloud_grid_way_out(q, d);
 	vec3 sum = vec3(0.0);
 	for (int i = 0; i < STEPS; i++) {
-		vec3 at = q + d * (t + 0.5 * step_);
+		float part = clamp(way_out - t, 0.0, step_);
+		vec3 at = q + d * (t + 0.5 * part);
 		vec4 e = emitted(at, cloud_grid_level(at, min(step_ > 2.5 * crossing ? level + 1 : level, CLOUD_GRID_LEVELS - 1)));
-		float x = e.w * step_, through = exp(-x);
-		sum += T * e.rgb * (x > 1e-3 ? (1.0 - through) / e.w : step_ * (1.0 - 0.5 * x));
+		float x = e.w * part, through = exp(-x);
+		sum += T * e.rgb * (x > 1e-3 ? (1.0 - through) / e.w : part * (1.0 - 0.5 * x));
 		T *= through;
 		t += step_;
-		step_ *= i == 0 ? 2.0 : i == 1 ? 1.0 : 1.6;
+		step_ *= i == 0 ? 2.0 : 2.2;
 	}
 	float sky = cloud_sky_share(d);
 	return sum + 4.0 * PI * T * vec3(0.0, sky, 1.0 - sky);

@@ -18,12 +18,12 @@ const float CLOUDS_APART = 300.0; /* m */
 float cell_transmittance(vec3 q, vec3 d, int level, float own, int steps, float growth, float longest)
 {
 	float crossing = cloud_grid_crossing(d, level), x = own * crossing, step_ = crossing, t = 0.5 * crossing;
-	float depth = 0.0;
+	float depth = 0.0, way_out = cloud_grid_way_out(q, d);
 	for (int i = 0; i < steps; i++) {
-		vec3 at = q + d * (t + 0.5 * step_);
+		float part = clamp(way_out - t, 0.0, step_);
+		vec3 at = q + d * (t + 0.5 * part);
 		int l = cloud_grid_level(at, min(step_ > longest * crossing ? level + 1 : level, CLOUD_GRID_LEVELS - 1));
-		float sigma = textureLod(cloud_cells_texture, cloud_grid_coordinates(cloud_grid_place(at, l), l), 0.0).r;
-		depth += sigma * step_ * cloud_grid_within(at);
+		depth += part * textureLod(cloud_cells_texture, cloud_grid_coordinates(cloud_grid_place(at, l), l), 0.0).r;
 		t += step_;
 		step_ *= i > 0 ? growth : 1.0;
 	}
@@ -41,7 +41,7 @@ void main()
 	/* where nothing is, nothing leaves */
 	for (int i = 0; i < (own > 0.0 ? CLOUD_DIRECTIONS : 0); i++) {
 		vec3 d = cloud_grid_direction(i);
-		float T = cloud_grid_weight(i) * cell_transmittance(q, d, level, own, 6, 1.6, 3.0), sky = cloud_sky_share(d);
+		float T = cloud_grid_weight(i) * cell_transmittance(q, d, level, own, 7, 2.2, 3.0), sky = cloud_sky_share(d);
 		up += T * sky;
 		down += T * (1.0 - sky);
 	}
