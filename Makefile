@@ -113,7 +113,7 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_LIB) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
 	@mkdir -p $(@D)
 	@echo "  LINK $@"; $(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
 
-PROGRAMS  := soak bench_probe bench_encode bench_frames accuracy chart failures
+PROGRAMS  := cloud_light soak bench_probe bench_encode bench_frames accuracy chart failures
 .PHONY: tests programs
 tests: $(TEST_BIN) $(B)/welkin
 programs: $(PROGRAMS:%=$(B)/tests/%) $(B)/welkin
@@ -176,6 +176,7 @@ smoke: programs
 	$(B)/tests/soak --smoke
 	$(B)/tests/bench_probe --smoke
 	$(B)/tests/bench_frames --smoke
+	$(B)/tests/cloud_light --smoke
 fit: $(B)/tests/fit_sky
 	$(B)/tests/fit_sky gpu/fitted_data.inc
 fit-spectrum: $(B)/tests/fit_spectrum
@@ -184,6 +185,12 @@ accuracy: $(B)/tests/accuracy
 	@mkdir -p $(B)/accuracy
 	$(B)/tests/accuracy $(B)/accuracy
 	gnuplot -e "folder='$(B)/accuracy'" tests/accuracy.gp
+
+# Light in clouds against Monte Carlo, which is kept for the next time.
+.PHONY: cloud-light
+cloud-light: $(B)/tests/cloud_light
+	@mkdir -p $(B)/cloud-light
+	$(B)/tests/cloud_light $(B)/cloud-light
 
 # Error against milliseconds, and where methods fail. WELKIN_DEVICE names the device; auto by default.
 .PHONY: chart chart-update chart-smoke failures failures-smoke

@@ -1,5 +1,6 @@
 #include "gpu/clouds.h"
 
+#include "gpu/cloud_light.h"
 #include "gpu/sky_tables.h"
 
 #include <epoxy/gl.h>
@@ -87,6 +88,7 @@ static void set_offsets(struct CloudsBlock *block, const struct welkin_request *
 	block->weather[2] = (float)c->coverage;
 	block->curl[2] = (float)c->curl_strength_m;
 	block->high[2] = (float)c->high_coverage;
+	cloud_grid_place(block, (double[2]){ east, south }, request->camera.altitude_m);
 	block->shear_east = (float)(c->shear_m * sin(heading));
 	block->shear_south = (float)(-c->shear_m * cos(heading));
 }
@@ -95,10 +97,10 @@ void clouds_prepare(struct scene *scene, const struct welkin_request *request)
 {
 	const struct welkin_clouds *c = &request->clouds;
 	struct CloudsBlock *block = &scene->clouds;
-	set_axes(block, &scene->frame);
-	set_offsets(block, request);
 	block->bottom = (float)c->bottom_m;
 	block->top = (float)c->top_m;
+	set_axes(block, &scene->frame);
+	set_offsets(block, request);
 	/* geometric optics: 3/2 LWC / (rho_water r_eff), with g/m³ over (1e6 g/m³ · 1e-6 m) */
 	block->extinction = (float)(1.5 * c->liquid_water_g_m3 / c->droplet_radius_um);
 	block->albedo = (float)c->albedo;

@@ -49,6 +49,19 @@ typedef unsigned int uint;
 #define UNIT_CLOUD_DETAIL 10
 #define UNIT_CLOUD_CURL 11
 #define UNIT_CLOUD_HIGH 12
+#define UNIT_CLOUD_CELLS 13    /* grids of cloud_grid.glsl */
+#define UNIT_CLOUD_OPENNESS 14
+#define UNIT_CLOUD_DIFFUSE 15
+#define UNIT_CLOUD_LIGHT 16
+
+/* Light in clouds: grids around the camera's footprint, each CLOUD_GRID_GROWTH times as coarse and wide as the one before,
+ * stacked in one 3-D texture: x east, y south, z up, level by level. */
+#define CLOUD_GRID_ACROSS 64
+#define CLOUD_GRID_UP 20
+#define CLOUD_GRID_LEVELS 3
+#define CLOUD_GRID_GROWTH 4.0
+#define CLOUD_DIFFUSE_RUNS 14 /* of the diffusion equation: columns alone, relaxations (their number prime to 5), light emitted */
+
 #define CLOUD_BASE_RUNS 16 /* slabs that the base shape is made in */
 
 /* Samples of the four-dimensional scattering table: the sun's angle, the view's zenith angle (above and below the
@@ -182,6 +195,7 @@ WELKIN_BLOCK_END(media)
 WELKIN_BLOCK(CloudsBlock, BIND_CLOUDS)
 	vec4 east, south;      /* xyz: horizontal axes at the camera, world frame */
 	vec4 base, detail;     /* xyz offset, w 1 / side in 1/m */
+	vec4 grid[CLOUD_GRID_LEVELS]; /* xy: least x and z in m, z: side of a cell in m; cloud_grid.glsl */
 	vec4 weather, curl, high; /* xy offset, z: of weather: coverage, of curl: strength in m, of high: coverage; w 1 / side */
 	float bottom, top;     /* m above the ground sphere */
 	float extinction;      /* 1/m where densest */

@@ -1,0 +1,67 @@
+#include "gpu/cloud_light.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <string.h>
+
+void cloud_grid_place(struct CloudsBlock *block, const double moved_m[2], double camera_altitude_m)
+{
+	const double height = ((double)block->top - (double)block->bottom) / CLOUD_GRID_UP;
+	/* cubes near the camera; from far above, where a pixel sees more than that, wider by powers of two, so that
+	 * light doesn't swim as the camera rises */
+	const double wanted = fmax(height, 0.01 * (camera_altitude_m - (double)block->top));
+	double side = height * exp2(ceil(log2(wanted / height) - 1e-9));
+	for (int i = 0; i < CLOUD_GRID_LEVELS; i++) {
+		for (int axis = 0; axis < 2; axis++) {
+			const double inside = moved_m[axis] - side * floor(moved_m[axis] / side);
+			block->grid[i][axis] = (float)(-0.5 * CLOUD_GRID_ACROSS * side - inside);
+		}
+		block->grid[i][2] = (float)side;
+		side *= CLOUD_GRID_GROWTH;
+	}
+}
+
+/* What the light depends on: all of the clouds' block but how it is marched, and the sun over the camera's horizon. */
+struct light_key {
+	struct CloudsBlock clouds;
+	vec4 sun, vertical;
+	float planet_radius;
+};
+
+static void light_key(struct light_key *key, const struct scene *scene)
+{
+	memset(key, 0, sizeof *key);
+	key->clouds = scene->clouds;
+	key->clouds.lighting = key->clouds.steps = key->clouds.light_steps = key->clouds.savings = 0;
+	memcpy(key->sun, scene->frame.sun_direction, sizeof key->sun);
+	memcpy(key->vertical, scene->frame.vertical, sizeof key->vertical);
+	key->planet_radius = scene->media.planet_radius;
+}
+
+#define CLOUD_GRID_SIZE                                                                                                \
+	.width = CLOUD_GRID_ACROSS, .height = CLOUD_GRID_ACROSS, .depth = CLOUD_GRID_UP * CLOUD_GRID_LEVELS
+
+enum table_state need_cloud_light(struct frame_tables *tables, const struct scene *scene, struct error *err)
+{
+	static const struct table_desc stages[] = {
+		{ .name = "cloud_cells", .unit = UNIT_CLOUD_CELLS, .internal_format = GL_R32F, CLOUD_GRID_SIZE },
+		{ .name = "cloud_openness",
+			.unit = UNIT_CLOUD_OPENNESS,
+			.internal_format = GL_RGBA32F,
+			CLOUD_GRID_SIZE },
+		{ .name = "cloud_diffuse",
+			.unit = UNIT_CLOUD_DIFFUSE,
+			.internal_format = GL_RGBA32F,
+			CLOUD_GRID_SIZE,
+			.iterations = CLOUD_DIFFUSE_RUNS,
+			.feedback = 1,
+			.threads = { CLOUD_GRID_ACROSS, CLOUD_GRID_ACROSS, CLOUD_GRID_LEVELS } },
+		{ .name = "cloud_light", .unit = UNIT_CLOUD_LIGHT, .internal_format = GL_RGBA32F, CLOUD_GRID_SIZE },
+	};
+	struct light_key key;
+	light_key(&key, scene);
+	enum table_state state = TABLE_READY;
+	for (size_t i = 0; i < sizeof stages / sizeof stages[0] && state == TABLE_READY; i++)
+		state = tables_need(tables, &stages[i], &key, sizeof key, 0, err);
+	return state;
+}

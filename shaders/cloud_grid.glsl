@@ -1,0 +1,114 @@
+/*
+ * The grids on which light in clouds is worked out: CLOUD_GRID_LEVELS boxes around the camera's footprint that share the
+ * layer's height, the cells of each CLOUD_GRID_GROWTH times as wide as those of the one before. A level's place
+ * p = (x, z, h) is in cells; textures have the levels one above the other.
+ *
+ * Light is worked out in a scaled medium: the share f = g of what is scattered counts as not deflected (van de Hulst's
+ * similarity: what then scatters, scatters isotropically), so extinction is smaller by cloud_light_scale().
+ */
+#include "cloud_density.glsl"
+
+layout(binding = UNIT_CLOUD_CELLS) uniform sampler3D cloud_cells_texture;
+
+const float CLOUD_GRID_DEPTH = float(CLOUD_GRID_UP * CLOUD_GRID_LEVELS);
+
+/* Share of scattering that is regarded as straight on: the mean cosine. */
+float cloud_straight_share()
+{
+	return max(mix(clouds.forward_g, clouds.backward_g, clouds.backward_share), 0.0);
+}
+
+/* Scaled over true extinction. */
+float cloud_light_scale()
+{
+	return 1.0 - clouds.albedo * cloud_straight_share();
+}
+
+/* Albedo of the scaled medium. */
+float cloud_light_albedo()
+{
+	float f = cloud_straight_share();
+	return clouds.albedo * (1.0 - f) / max(1.0 - clouds.albedo * f, 1e-6);
+}
+
+/* A cell's sides: east, south, up, in m. */
+vec3 cloud_grid_cell(int level)
+{
+	float side = clouds.grid[level].z;
+	return vec3(side, side, (clouds.top - clouds.bottom) / float(CLOUD_GRID_UP));
+}
+
+vec3 cloud_grid_place(vec3 q, int level)
+{
+	return (q.xzy - vec3(clouds.grid[level].xy, clouds.bottom)) / cloud_grid_cell(level);
+}
+
+vec3 cloud_grid_point(vec3 place, int level)
+{
+	return (vec3(clouds.grid[level].xy, clouds.bottom) + place * cloud_grid_cell(level)).xzy;
+}
+
+/* Texture coordinates of a place; neighbours of other levels don't bleed in. */
+vec3 cloud_grid_coordinates(vec3 place, int level)
+{
+	float h = clamp(place.z, 0.5, float(CLOUD_GRID_UP) - 0.5) + float(level * CLOUD_GRID_UP);
+	return vec3(place.xy / float(CLOUD_GRID_ACROSS), h / CLOUD_GRID_DEPTH);
+}
+
+/* How far a point is from the middle of a level, horizontally: 1 at its sides less half a cell. */
+float cloud_grid_reach(vec3 q, int level)
+{
+	vec2 off = abs(cloud_grid_place(q, level).xy - 0.5 * float(CLOUD_GRID_ACROSS));
+	return max(off.x, off.y) / (0.5 * float(CLOUD_GRID_ACROSS) - 0.5);
+}
+
+/* The finest level, `least` or above, that holds a point; the last one for all that is farther. */
+int cloud_grid_level(vec3 q, int least)
+{
+	int level = least;
+	for (int i = 0; i < CLOUD_GRID_LEVELS - 1; i++)
+		level = i >= least && cloud_grid_reach(q, i) > 1.0 ? i + 1 : level;
+	return min(level, CLOUD_GRID_LEVELS - 1);
+}
+
+/* 1 within the layer's height, 0 outside. */
+float cloud_grid_within(vec3 q)
+{
+	return step(clouds.bottom, q.y) * step(q.y, clouds.top);
+}
+
+/* Distance from q, within the layer, to where d leaves it. */
+float cloud_grid_way_out(vec3 q, vec3 d)
+{
+	return (d.y > 0.0 ? clouds.top - q.y : q.y - clouds.bottom) / max(abs(d.y), 1e-5);
+}
+
+/* Distance through a cell along d, through its middle. */
+float cloud_grid_crossing(vec3 d, int level)
+{
+	vec3 rate = abs(d.xzy) / cloud_grid_cell(level);
+	return 1.0 / max(rate.x, max(rate.y, rate.z));
+}
+
+/* 14 directions: the axes and the diagonals of a cube, weights exact for polynomials of degree 5 (McLaren 1963). */
+const int CLOUD_DIRECTIONS = 14;
+
+vec3 cloud_grid_direction(int i)
+{
+	if (i < 6) {
+		float s = (i & 1) == 0 ? 1.0 : -1.0;
+		return i < 2 ? vec3(0.0, s, 0.0) : i < 4 ? vec3(s, 0.0, 0.0) : vec3(0.0, 0.0, s);
+	}
+	return vec3((i & 1) == 0 ? 1.0 : -1.0, (i & 2) == 0 ? 1.0 : -1.0, (i & 4) == 0 ? 1.0 : -1.0) * 0.57735027;
+}
+
+float cloud_grid_weight(int i)
+{
+	return i < 6 ? 1.0 / 15.0 : 3.0 / 40.0;
+}
+
+/* Share of what comes along d that is sky; the rest is ground. Level directions see half of each. */
+float cloud_sky_share(vec3 d)
+{
+	return abs(d.y) < 1e-3 ? 0.5 : step(0.0, d.y);
+}

@@ -1,0 +1,110 @@
+/*
+ * Light that clouds have scattered often, for a sun of irradiance 1, a sky and a ground of radiance 1: the integral over
+ * directions, from the balance of each cell of the scaled medium with its neighbours,
+ *
+ *     -div(D grad φ) + σ' (1 - ω' + ω' P) φ = source,     P = the cell's openness,
+ *
+ * where light escapes by the chance to do so from where it is, so that there is no boundary condition to set on a
+ * shape that has none. Sources: σ' times what arrives unscattered from sky and ground (φ counts it; uniform surroundings
+ * give φ = 4π, whatever the cloud), and the sunlight scattered once that does not leave. Each run solves every column
+ * of cells for what its neighbours were (what is exact for a deck without sides), weighted as in Chebyshev's iteration. The first run takes each
+ * column alone; w carries D beside φ; the last keeps the light emitted instead,
+ * and σ' beside it. Levels don't exchange light here: they look past their sides where the cells' openness is made.
+ */
+#include "cloud_grid.glsl"
+
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(rgba32f, binding = 0) uniform writeonly image3D table;
+layout(binding = UNIT_CLOUD_OPENNESS) uniform sampler3D cloud_openness_texture;
+layout(binding = UNIT_CLOUD_DIFFUSE) uniform sampler3D cloud_diffuse_texture;
+layout(location = LOCATION_ITERATION) uniform int iteration;
+
+const float SPECTRAL_RADIUS = 0.95; /* of the iteration without weights: errors beyond it die out more slowly */
+
+/* Chebyshev's weights, in an order that lets no error grow far. */
+float relaxation()
+{
+	const int n = CLOUD_DIFFUSE_RUNS - 2;
+	int k = ((iteration - 1) * 5) % n;
+	return 1.0 / (1.0 - SPECTRAL_RADIUS * cos(PI * (float(k) + 0.5) / float(n)));
+}
+
+/* What comes from a neighbour, and by which conductance. A level's outermost cells have themselves for neighbours. */
+vec4 exchange(ivec3 texel, ivec2 way, float D, float side)
+{
+	ivec2 at = clamp(texel.xy + way, ivec2(0), ivec2(CLOUD_GRID_ACROSS - 1));
+	vec4 there = texelFetch(cloud_diffuse_texture, ivec3(at, texel.z), 0);
+	float c = 2.0 * D * there.w / ((D + there.w + 1e-9) * side * side);
+	return vec4(c * there.rgb, c);
+}
+
+float extinction_of(ivec3 texel)
+{
+	return texelFetch(cloud_cells_texture, texel, 0).r * cloud_light_scale();
+}
+
+void empty_column(ivec3 foot)
+{
+	for (int h = 0; h < CLOUD_GRID_UP; h++)
+		imageStore(table, foot + ivec3(0, 0, h), vec4(0.0));
+}
+
+/* Thomas' algorithm, upwards and back; alone: as if there were no neighbours, for a start. */
+void relax_column(ivec3 foot, vec3 side, bool alone)
+{
+	vec4 line[CLOUD_GRID_UP]; /* rgb: what a cell has less what it owes to the one above, w: share of that one */
+	float albedo = cloud_light_albedo(), below = 0.0; /* conductance to the cell below */
+	vec4 openness = texelFetch(cloud_openness_texture, foot, 0), under = vec4(0.0);
+	for (int h = 0; h < CLOUD_GRID_UP; h++) {
+		ivec3 texel = foot + ivec3(0, 0, h);
+		vec4 next = texelFetch(cloud_openness_texture, texel + ivec3(0, 0, h + 1 < CLOUD_GRID_UP ? 1 : 0), 0);
+		float sigma = extinction_of(texel), D = openness.w, P = openness.x + openness.y;
+		float above = h + 1 < CLOUD_GRID_UP ? 2.0 * D * next.w / ((D + next.w + 1e-9) * side.z * side.z) : 0.0;
+		vec4 sum = vec4(0.0);
+		for (int i = alone ? 4 : 0; i < 4; i++)
+			sum += exchange(texel, ivec2(i == 0 ? 1 : i == 1 ? -1 : 0, i == 2 ? 1 : i == 3 ? -1 : 0), D, side.x);
+		vec3 source = sigma * vec3(albedo * openness.z * (1.0 - P), 4.0 * PI * openness.xy);
+		float loss = sigma * max(1.0 - albedo * (1.0 - P), 1e-6);
+		float pivot = max(sum.w + above + loss + below * (1.0 - under.w), 1e-12);
+		under = vec4((sum.rgb + source + below * under.rgb) / pivot, above / pivot);
+		line[h] = under;
+		below = above;
+		openness = next;
+	}
+	vec3 field = vec3(0.0);
+	for (int h = CLOUD_GRID_UP - 1; h >= 0; h--) {
+		ivec3 texel = foot + ivec3(0, 0, h);
+		field = line[h].rgb + line[h].w * field;
+		vec3 before = alone ? vec3(0.0) : texelFetch(cloud_diffuse_texture, texel, 0).rgb;
+		vec3 after = alone ? field : before + relaxation() * (field - before);
+		imageStore(table, texel, vec4(after, texelFetch(cloud_openness_texture, texel, 0).w));
+	}
+}
+
+/* From φ to light emitted. */
+void last_run(ivec3 foot)
+{
+	for (int h = 0; h < CLOUD_GRID_UP; h++) {
+		ivec3 texel = foot + ivec3(0, 0, h);
+		float sigma = extinction_of(texel), T_sun = texelFetch(cloud_openness_texture, texel, 0).z;
+		vec3 field = max(texelFetch(cloud_diffuse_texture, texel, 0).rgb, 0.0);
+		imageStore(table, texel, vec4((field + vec3(T_sun, 0.0, 0.0)) * (sigma * cloud_light_albedo()), sigma));
+	}
+}
+
+/* Loops instead of branches, since a device may run through a branch that nobody takes. */
+void main()
+{
+	ivec3 foot = ivec3(gl_GlobalInvocationID.xy, int(gl_GlobalInvocationID.z) * CLOUD_GRID_UP);
+	bool first = iteration == 0, last = iteration == CLOUD_DIFFUSE_RUNS - 1;
+	float column = 0.0;
+	for (int h = 0; h < CLOUD_GRID_UP; h++)
+		column += texelFetch(cloud_cells_texture, foot + ivec3(0, 0, h), 0).r;
+	/* two textures take turns: once both have them, empty columns stay as they are */
+	for (int busy = column <= 0.0 && iteration < 2 ? 1 : 0; busy > 0; busy--)
+		empty_column(foot);
+	for (int busy = column > 0.0 && !last ? 1 : 0; busy > 0; busy--)
+		relax_column(foot, cloud_grid_cell(foot.z / CLOUD_GRID_UP), first);
+	for (int busy = column > 0.0 && last ? 1 : 0; busy > 0; busy--)
+		last_run(foot);
+}

@@ -1,0 +1,52 @@
+/*
+ * What the cells of the grids see, in the scaled medium: x, y the shares of light scattered in a cell that leave the clouds
+ * without another collision, upwards and downwards (by reversal: the share of directions from which a cell sees sky,
+ * and ground); z the mean transmittance to the sun; w the coefficient of diffusion in m.
+ *
+ * A photon that leaves its cell for good does not diffuse, so the coefficient is 1 / 3σ' times the share that stays;
+ * in thin air it is bounded by how far apart clouds are.
+ */
+#include "cloud_grid.glsl"
+
+layout(local_size_x = 8, local_size_y = 4, local_size_z = 2) in;
+layout(rgba32f, binding = 0) uniform writeonly image3D table;
+
+const float CLOUDS_APART = 300.0; /* m */
+
+/* Mean transmittance from the points of a cell out along d: through half of it, then in steps that grow; those longer than so many cells
+ * go through the next, coarser level. */
+float cell_transmittance(vec3 q, vec3 d, int level, float own, int steps, float growth, float longest)
+{
+	float crossing = cloud_grid_crossing(d, level), x = own * crossing, step_ = crossing, t = 0.5 * crossing;
+	float depth = 0.0, way_out = cloud_grid_way_out(q, d);
+	for (int i = 0; i < steps; i++) {
+		float part = clamp(way_out - t, 0.0, step_);
+		vec3 at = q + d * (t + 0.5 * part);
+		int l = cloud_grid_level(at, min(step_ > longest * crossing ? level + 1 : level, CLOUD_GRID_LEVELS - 1));
+		depth += part * textureLod(cloud_cells_texture, cloud_grid_coordinates(cloud_grid_place(at, l), l), 0.0).r;
+		t += step_;
+		step_ *= i > 0 ? growth : 1.0;
+	}
+	return exp(-depth * cloud_light_scale()) * (x > 1e-3 ? (1.0 - exp(-x)) / x : 1.0 - 0.5 * x);
+}
+
+void main()
+{
+	ivec3 texel = ivec3(gl_GlobalInvocationID);
+	if (any(greaterThanEqual(texel, imageSize(table))))
+		return;
+	int level = texel.z / CLOUD_GRID_UP;
+	vec3 q = cloud_grid_point(vec3(texel.xy, texel.z - level * CLOUD_GRID_UP) + 0.5, level);
+	float own = texelFetch(cloud_cells_texture, texel, 0).r * cloud_light_scale(), up = 0.0, down = 0.0;
+	/* where nothing is, nothing leaves */
+	for (int i = 0; i < (own > 0.0 ? CLOUD_DIRECTIONS : 0); i++) {
+		vec3 d = cloud_grid_direction(i);
+		float T = cloud_grid_weight(i) * cell_transmittance(q, d, level, own, 7, 2.2, 3.0), sky = cloud_sky_share(d);
+		up += T * sky;
+		down += T * (1.0 - sky);
+	}
+	vec3 to_sun = cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q);
+	float T_sun = cell_transmittance(q, to_sun, level, own, 24, 1.15, 8.0);
+	float D = (1.0 - up - down) * own / (3.0 * (own * own + 2.0 / (CLOUDS_APART * CLOUDS_APART)));
+	imageStore(table, texel, vec4(up, down, T_sun, max(D, 0.0)));
+}

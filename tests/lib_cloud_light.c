@@ -1,0 +1,228 @@
+#include "tests/lib_cloud_light.h"
+
+#include "gpu/cloud_light.h"
+#include "tests/lib_gpu.h"
+#include "tests/lib_request.h"
+
+#include <epoxy/gl.h>
+#include <gsl/gsl_integration.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <setjmp.h>
+#include <stdarg.h>
+
+#include <cmocka.h>
+
+static char *read_text(const char *path)
+{
+	FILE *file = fopen(path, "r");
+	char *text = calloc(1, 65536);
+	if (!file || !text || fread(text, 1, 65535, file) == 0)
+		fail_msg("%s: can't be read; run from the top folder", path);
+	else
+		fclose(file);
+	return text;
+}
+
+/* Programs in which the density is the field's. */
+static struct programs *field_programs(void)
+{
+	struct programs *programs = programs_create("");
+	assert_non_null(programs);
+	assert_true(programs_add_file(programs, "cloud_density.glsl", "tests/shaders/cloud_density.glsl",
+		read_text("tests/shaders/cloud_density.glsl")));
+	assert_true(programs_add_file(programs, "cloud_rays.comp", "tests/shaders/cloud_rays.comp",
+		read_text("tests/shaders/cloud_rays.comp")));
+	return programs;
+}
+
+static unsigned field_texture(const struct cloud_field *field)
+{
+	unsigned texture;
+	glCreateTextures(GL_TEXTURE_3D, 1, &texture);
+	glTextureStorage3D(texture, 1, GL_R32F, field->n[0], field->n[1], field->n[2]);
+	glTextureSubImage3D(
+		texture, 0, 0, 0, 0, field->n[0], field->n[1], field->n[2], GL_RED, GL_FLOAT, field->extinction);
+	glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+	glTextureParameteri(texture, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+	return texture;
+}
+
+static void field_scene(struct scene *scene, const struct cloud_field *field, const struct cloud_phase *phase,
+	double albedo, double sun_elevation_deg)
+{
+	const struct welkin_request request = request_of(WELKIN_EARTH, 0, sun_elevation_deg);
+	scene_prepare(scene, &request, NULL, 0);
+	const double elevation = sun_elevation_deg * (M_PI / 180);
+	scene->frame.sun_direction[0] = (float)cos(elevation);
+	scene->frame.sun_direction[1] = (float)sin(elevation);
+	scene->frame.sun_direction[2] = 0;
+	struct CloudsBlock *c = &scene->clouds;
+	memset(c, 0, sizeof *c);
+	c->east[0] = c->south[2] = scene->frame.vertical[1] = 1;
+	scene->frame.vertical[0] = scene->frame.vertical[2] = 0;
+	for (int i = 0; i < 3; i++)
+		c->base[i] = (float)field->origin[i];
+	c->base[3] = (float)field->cell;
+	c->curl[0] = (float)field->endless;
+	c->bottom = (float)field->origin[1];
+	c->top = (float)(field->origin[1] + field->cell * (field->n[1] - 1));
+	c->albedo = (float)albedo;
+	c->forward_g = (float)phase->forward;
+	c->backward_g = (float)phase->backward;
+	c->backward_share = (float)(1 - phase->share);
+	cloud_grid_place(c, (double[2]){ 37, -11 }, 0);
+}
+
+static double build_tables(struct frame_tables *tables, const struct scene *scene)
+{
+	struct error err = { "" };
+	struct pass_log log = { 0 };
+	enum table_state state;
+	do {
+		tables_begin_slice(tables);
+		state = need_cloud_light(tables, scene, &err);
+		if (state == TABLE_FAILED || !passes_finish(lib_gpu.passes, &log, &err))
+			fail_msg("%s", err.text);
+	} while (state == TABLE_BUILDING);
+	double ms = 0;
+	for (int i = 0; i < log.n; i++) {
+		ms += log.times[i].ms;
+		if (getenv("WELKIN_CLOUD_LIGHT_PASSES"))
+			printf("  %s %.1f ms\n", log.times[i].name, log.times[i].ms);
+	}
+	return ms;
+}
+
+static double march(struct programs *programs, enum light_model model, const struct cloud_ray *rays, int n,
+	float (*answers)[CLOUD_RESPONSES])
+{
+	struct buffer in = lib_gpu_buffer((size_t)n * 8 * sizeof(float)),
+		      out = lib_gpu_buffer((size_t)n * 4 * sizeof(float));
+	float(*ray)[4] = in.data;
+	for (int i = 0; i < n; i++)
+		for (int a = 0; a < 3; a++) {
+			ray[2 * i][a] = (float)rays[i].origin[a];
+			ray[2 * i + 1][a] = (float)rays[i].direction[a];
+		}
+	char choice[16];
+	snprintf(choice, sizeof choice, "MODEL=%d", model);
+	struct error err = { "" };
+	struct pass pass = { .name = "rays", .tile = { n, 0, 0, 0 }, .threads = { n, 1, 1 } };
+	if (!(pass.program = programs_get(programs, "cloud_rays.comp", choice, &err)))
+		fail_msg("%s", err.text);
+	pass.storage[BIND_DIRECTIONS] = in.id;
+	pass.storage[BIND_CLOUD_LIGHT] = out.id;
+	struct pass_log log = { 0 };
+	passes_run(lib_gpu.passes, &pass);
+	if (!passes_finish(lib_gpu.passes, &log, &err))
+		fail_msg("%s", err.text);
+	memcpy(answers, out.data, (size_t)n * sizeof *answers);
+	lib_gpu_free(&in);
+	lib_gpu_free(&out);
+	return log.times[0].ms;
+}
+
+struct cloud_lighting cloud_light_render(const struct cloud_field *field, const struct cloud_phase *phase,
+	double albedo, double sun_elevation_deg, enum light_model model, const struct cloud_ray *rays, int n,
+	float (*answers)[CLOUD_RESPONSES])
+{
+	static struct scene scene;
+	struct cloud_lighting result;
+	struct programs *programs = field_programs();
+	struct frame_tables *tables = tables_create(lib_gpu.passes, programs, 256);
+	assert_non_null(tables);
+	const unsigned texture = field_texture(field);
+	field_scene(&scene, field, phase, albedo, sun_elevation_deg);
+	passes_blocks(lib_gpu.passes, &scene);
+	passes_texture(lib_gpu.passes, UNIT_CLOUD_BASE, texture);
+	result.tables_ms = build_tables(tables, &scene);
+	result.answers_ms = march(programs, model, rays, n, answers);
+	tables_destroy(tables);
+	programs_destroy(programs);
+	glDeleteTextures(1, &texture);
+	return result;
+}
+
+/* ---- fluxes ---- */
+
+enum { FLUX_MU = 24, FLUX_PHI = 48 };
+
+/* Of the sun's light on a deck: what leaves upwards (up 1) or downwards by scattering, of what arrives. */
+static double deck_flux(const struct cloud_field *deck, const struct cloud_phase *phase, double mu0, int up)
+{
+	static struct cloud_ray rays[FLUX_MU * FLUX_PHI];
+	static float answers[FLUX_MU * FLUX_PHI][CLOUD_RESPONSES];
+	gsl_integration_glfixed_table *rule = gsl_integration_glfixed_table_alloc(FLUX_MU);
+	double weights[FLUX_MU], sum = 0;
+	for (int i = 0; i < FLUX_MU; i++) {
+		double mu;
+		gsl_integration_glfixed_point(0, 1, (size_t)i, &mu, &weights[i], rule);
+		weights[i] *= mu * 2 * M_PI / FLUX_PHI;
+		for (int j = 0; j < FLUX_PHI; j++) {
+			const double phi = 2 * M_PI * (j + 0.5) / FLUX_PHI, sine = sqrt(1 - mu * mu);
+			const struct cloud_ray ray = { { 0, up ? 2350 : 1250, 0 },
+				{ sine * cos(phi), up ? -mu : mu, sine * sin(phi) } };
+			rays[i * FLUX_PHI + j] = ray;
+		}
+	}
+	gsl_integration_glfixed_table_free(rule);
+	cloud_light_render(deck, phase, 1, asin(mu0) * (180 / M_PI), LIGHT_MODEL, rays, FLUX_MU * FLUX_PHI, answers);
+	for (int i = 0; i < FLUX_MU * FLUX_PHI; i++)
+		sum += weights[i / FLUX_PHI] * (double)answers[i][CLOUD_SUN];
+	return sum / mu0;
+}
+
+struct cloud_fluxes cloud_light_fluxes(double tau, const struct cloud_phase *phase, double mu0)
+{
+	struct cloud_field deck = cloud_field_create(CLOUD_DECK, tau);
+	assert_non_null(deck.extinction);
+	const struct cloud_fluxes result = { deck_flux(&deck, phase, mu0, 1), deck_flux(&deck, phase, mu0, 0),
+		exp(-tau / mu0) };
+	cloud_field_destroy(&deck);
+	return result;
+}
+
+/* ---- pictures ---- */
+
+const char *const cloud_view_names[CLOUD_VIEWS] = { "sunlit side", "against sun", "from below", "from above" };
+
+void cloud_view(int view, struct cloud_ray rays[CLOUD_VIEW_RAYS])
+{
+	/* towards the field's middle, with what of the picture's right and up moves where a ray starts */
+	static const struct {
+		double d[3], origin[3], right[3], up[3];
+	} views[CLOUD_VIEWS] = {
+		{ { -1, 0.15, 0.1 }, { 3000, 1350, -300 }, { 0, 0, 1 }, { 0, 1, 0 } },
+		{ { 1, 0.25, 0.1 }, { -3000, 1050, -300 }, { 0, 0, 1 }, { 0, 1, 0 } },
+		{ { 0.2, 1, 0.1 }, { -360, 0, -180 }, { 1, 0, 0 }, { 0, 0, 1 } },
+		{ { 0.3, -1, 0.2 }, { -660, 4000, -440 }, { 1, 0, 0 }, { 0, 0, 1 } },
+	};
+	for (int i = 0; i < CLOUD_VIEW_RAYS; i++) {
+		const double u = ((i % CLOUD_VIEW_SIDE + 0.5) / CLOUD_VIEW_SIDE * 2 - 1) * 800;
+		const double v = ((i / CLOUD_VIEW_SIDE + 0.5) / CLOUD_VIEW_SIDE * 2 - 1) * 600;
+		const double *d = views[view].d, norm = 1 / sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+		for (int a = 0; a < 3; a++) {
+			rays[i].direction[a] = d[a] * norm;
+			rays[i].origin[a] = views[view].origin[a] + u * views[view].right[a] + v * views[view].up[a];
+		}
+	}
+}
+
+struct cloud_light_error cloud_light_error(
+	const struct cloud_estimate *reference, float (*answers)[CLOUD_RESPONSES], int n, int response)
+{
+	double mean = 0, wanted = 0, squares = 0, noise = 0;
+	for (int i = 0; i < n; i++) {
+		const double got = (double)answers[i][response], r = reference[i].mean[response];
+		mean += got / n;
+		wanted += r / n;
+		squares += (got - r) * (got - r) / n;
+		noise += reference[i].std_error[response] * reference[i].std_error[response] / n;
+	}
+	return (struct cloud_light_error){ mean / wanted - 1, sqrt(fmax(squares - noise, 0)) / wanted,
+		sqrt(noise) / wanted };
+}
