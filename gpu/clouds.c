@@ -225,5 +225,5 @@ enum table_state need_clouds(struct frame_tables *tables, const struct scene *sc
 	enum table_state state = need_aerial(tables, scene, batch, err);
 	for (size_t i = 0; i < sizeof needs / sizeof needs[0] && state == TABLE_READY; i++)
 		state = needs[i](tables, &scene->clouds, err);
-	return state;
+	return state == TABLE_READY ? need_cloud_light(tables, scene, err) : state;
 }

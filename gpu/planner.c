@@ -87,6 +87,8 @@ static void plan_clouds(struct plan *plan, const struct welkin_request *request,
 		planner_note(plan, "clouds", false, "their coverage is 0");
 	} else {
 		plan->features |= FEATURE_CLOUDS;
+		if (method->physical && !method->single_scattering)
+			plan->features |= FEATURE_SKY_ON_GROUND;
 		planner_note(plan, "clouds", true, method->progressive ? "in the path tracer" : "%d steps at most",
 			clouds->steps);
 	}

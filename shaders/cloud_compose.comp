@@ -5,6 +5,7 @@
  */
 #include "multiple_table.glsl"
 #include "aerial.glsl"
+#include "cloud_shadow.glsl"
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
@@ -14,6 +15,33 @@ layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmi
 layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer Place { vec4 place[]; };
+
+/* What the clouds take from the light of the air below them, and from the ground's, along the ray: negative where they shade. */
+vec4 shaded(vec3 d, float through, float jitter)
+{
+	CloudRay ray = cloud_ray(d, frame.vertical.xyz, frame.camera_altitude);
+	vec2 under = cloud_below(ray, clouds.bottom);
+	if (ray.start < 0.0 || under.y <= under.x || clouds.weather.z <= 0.0)
+		return vec4(0.0);
+	float ground = ray_ground_distance(ray.h, ray.mu);
+	if (ground >= 0.0)
+		under.y = min(under.y, ray.start + ground);
+	vec4 near_L, near_T, far_L, far_T;
+	aerial_perspective(d, under.x, near_L, near_T);
+	aerial_perspective(d, under.y, far_L, far_T);
+	vec4 change = (cloud_air_light(ray, under, jitter) - 1.0) * max(far_L - near_L, 0.0);
+	if (ground >= 0.0 && (frame.features & FEATURE_GROUND) != 0) {
+		vec3 q = cloud_point(ray, under.y), to_sun = cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q);
+		float mu_s = clamp(to_sun.y, -1.0, 1.0);
+		vec3 seen = cloud_ground_light(q, to_sun);
+		vec4 sun = mu_s > 0.0 ? exp(-optical_depth(sun_column(0.0, mu_s))) : vec4(0.0);
+		vec4 E = sun * (max(mu_s, 0.0) * (seen.x - 1.0) + seen.y);
+		if ((frame.features & FEATURE_SKY_ON_GROUND) != 0)
+			E += multiple_ground_irradiance(mu_s) * (seen.z - 1.0);
+		change += far_T * bands.ground_albedo * bands.sun_irradiance * E / PI;
+	}
+	return change * (under.x > 0.0 ? through : 1.0);
+}
 
 /* Radiance of the clouds at the place where the ray sees them, per sun irradiance of 1. */
 vec4 cloud_radiance(vec3 d, vec4 answer, float t)
@@ -47,7 +75,8 @@ void main()
 	aerial_perspective(at.xyz, max(where.x - where.y, 0.0), near_L, near_T);
 	aerial_perspective(at.xyz, where.x + where.y, far_L, far_T);
 	vec4 L = 0.5 * (near_T + far_T) * bands.sun_irradiance * cloud_radiance(at.xyz, answer, where.z) +
-		 (1.0 - answer.x) * 0.5 * (near_L + far_L);
+		 (1.0 - answer.x) * 0.5 * (near_L + far_L) +
+		 shaded(at.xyz, answer.x, fract(float(i) * 0.61803399));
 	if (spectral) {
 		radiance[i] = radiance[i] * answer.x + L;
 		transmittance[i] *= answer.x;

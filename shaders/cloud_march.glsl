@@ -2,7 +2,15 @@
  * The march through the clouds. What is in front of what: the layer, cut into at most two intervals by its shells, and
  * the thin high layer, each added in the order in which the ray meets it.
  */
-#include "cloud_density.glsl"
+#include "cloud_light.glsl"
+
+/* Chosen when the program is built, where the renderer does so. */
+#ifndef LIGHTING
+#define LIGHTING clouds.lighting
+#endif
+#ifndef SAVINGS
+#define SAVINGS clouds.savings
+#endif
 
 layout(binding = UNIT_CLOUD_HIGH) uniform sampler2D cloud_high_texture;
 
@@ -11,9 +19,9 @@ struct Clouds {
 	vec4 place; /* distance in m: mean over opacity, its standard deviation, mean over sunlight; 0 */
 };
 
-/* Sums along a ray. */
+/* Sums along a ray; T and S as cloud_light.glsl has them. */
 struct March {
-	float T;
+	float T, S;
 	vec3 answer;         /* sun, sky, ground */
 	float weight, t, t2; /* opacity, and its moments over distance */
 	float sun_t;         /* sun's answer over distance */
@@ -21,7 +29,7 @@ struct March {
 
 bool saves(int bit)
 {
-	return (clouds.savings & bit) != 0;
+	return (SAVINGS & bit) != 0;
 }
 
 /* Where in its step a pixel's first sample lies. */
@@ -48,35 +56,49 @@ float cloud_sun_depth(vec3 q, vec3 to_sun)
 }
 
 /* The look of games (Schneider & Vos 2015): Beer's law times Henyey–Greenstein times a powder that darkens thin edges, and an
- * ambient that grows with height. Per unit of scattering coefficient. */
+ * ambient that grows with height. Per unit of optical depth. */
 vec3 artistic_source(vec3 q, float sun_depth, float nu)
 {
 	float beer = max(exp(-sun_depth), 0.7 * exp(-0.25 * sun_depth)), powder = 1.0 - exp(-2.0 * sun_depth - 0.4);
 	float phase = max(cloud_phase(nu), 0.25 * 0.25 / PI);
 	float height = clamp(cloud_height(q.y), 0.0, 1.0);
-	return vec3(2.0 * beer * powder * phase, vec2(0.35 + 0.65 * height, 0.3 * (1.0 - height)) * 0.5);
+	return clouds.albedo * vec3(2.0 * beer * powder * phase, vec2(0.35 + 0.65 * height, 0.3 * (1.0 - height)) * 0.5);
 }
 
-vec3 cloud_source(vec3 q, vec3 to_sun, float nu)
+/* Optical depth towards the sun. */
+float sun_depth_at(vec3 q, vec3 to_sun)
 {
-	float depth = cloud_sun_depth(q, to_sun);
-	return artistic_source(q, depth, nu);
+	return saves(SAVE_LIGHT_VOLUME) ? cloud_light_sun_depth(q, to_sun, 2) : cloud_sun_depth(q, to_sun);
+}
+
+vec3 cloud_source(March m, vec3 q, vec3 to_sun, float nu)
+{
+	float depth = sun_depth_at(q, to_sun);
+	if (LIGHTING == CLOUDS_ARTISTIC)
+		return artistic_source(q, depth, nu);
+	return cloud_light_source(cloud_light_at(q), depth, -log(max(m.T, 1e-20)), nu);
+}
+
+float march_scale()
+{
+	return LIGHTING == CLOUDS_ARTISTIC ? 1.0 : cloud_light_scale();
 }
 
 /* A stretch of one medium: energy is kept whatever its length (Hillaire 2016). */
 void march_add(inout March m, float t, float depth, vec3 source)
 {
-	float opacity = 1.0 - exp(-depth), share = m.T * opacity;
-	vec3 answer = clouds.albedo * share * source;
+	float k = march_scale(), x = k * depth, through = exp(-depth), share = m.T * (1.0 - through);
+	vec3 answer = m.S * (x > 1e-3 ? (1.0 - exp(-x)) / k : depth * (1.0 - 0.5 * x)) * source;
 	m.answer += answer;
 	m.weight += share;
 	m.t += share * t;
 	m.t2 += share * t * t;
 	m.sun_t += answer.x * t;
-	m.T *= 1.0 - opacity;
+	m.T *= through;
+	m.S *= exp(-x);
 }
 
-const float OPAQUE = 0.005; /* less light than this comes through what is not worth following */
+const float OPAQUE = 0.01; /* less light than this comes through what is not worth following */
 
 /* Every step sampled in full, as many as asked for. */
 void march_uniform(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, float jitter)
@@ -90,8 +112,8 @@ void march_uniform(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, 
 		float t = interval.x + (float(i) + jitter) * step_;
 		vec3 q = cloud_point(ray, t);
 		float sigma = cloud_extinction(q, 1);
-		march_add(m, t, sigma * step_, cloud_source(q, cloud_direction(frame.sun_direction.xyz, up, q), nu));
-		if (saves(SAVE_EARLY_EXIT) && m.T < OPAQUE)
+		march_add(m, t, sigma * step_, cloud_source(m, q, cloud_direction(frame.sun_direction.xyz, up, q), nu));
+		if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE)
 			break;
 	}
 }
@@ -124,14 +146,14 @@ void march_adaptive(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up,
 			vec3 q = cloud_point(ray, t);
 			float sigma = cloud_extinction(q, 1);
 			float coarse = max(1.5 * pixel * t, max(finest, 20.0));
-			float step_ = sigma > 0.0 ? clamp(0.5 / sigma, 0.3 * coarse, coarse) : 1.5 * coarse;
+			float step_ = sigma > 0.0 ? clamp((0.5 - 0.3 * log(max(m.T, 1e-8))) / sigma, 0.3 * coarse, coarse) : 1.5 * coarse;
 			step_ = min(step_, interval.y - t);
 			clear = sigma > 0.0 ? 0 : clear + 1;
-			march_add(m, t + 0.5 * step_, sigma * step_, cloud_source(q, cloud_direction(frame.sun_direction.xyz, up, q), nu));
+			march_add(m, t + 0.5 * step_, sigma * step_, cloud_source(m, q, cloud_direction(frame.sun_direction.xyz, up, q), nu));
 			before = t;
 			t += step_;
 			dense--;
-			if (m.T < OPAQUE)
+			if (m.S < OPAQUE)
 				dense = 0;
 		}
 	}
@@ -161,18 +183,17 @@ void march_high(inout March m, CloudRay ray, float t, vec3 d, vec3 up)
 	vec3 q = cloud_point(ray, t), to_sun = cloud_direction(frame.sun_direction.xyz, up, q);
 	vec3 view = cloud_direction(d, up, q);
 	float depth = high_depth(q), slant = depth / max(abs(view.y), 0.03), sun_slant = depth / max(abs(to_sun.y), 0.03);
-	/* single scattering in a sheet of that depth; either side of it sees the sun through half of the sheet on the mean */
-	float sunlit = exp(-0.25 * sun_slant);
+	/* either side of the sheet sees the sun through half of it on the mean, and half a sky and half a ground */
+	CloudLight open = CloudLight(vec3(0.0, 2.0 * PI, 2.0 * PI), 0.5 * sun_slant);
 	float nu = dot(d, frame.sun_direction.xyz);
-	vec3 source = vec3(sunlit * mix(cloud_phase(nu), 0.25 / PI, 0.15), 0.5, 0.5);
-	march_add(m, t, slant, source);
+	march_add(m, t, slant, cloud_light_source(open, open.sun_depth, -log(max(m.T, 1e-20)), nu));
 }
 
 /* Clouds along a ray from the camera up to distance t_end; pixel is the angle that it stands for, in rad. */
 Clouds clouds_along(vec3 d, float t_end, float jitter, float pixel)
 {
 	vec3 up = frame.vertical.xyz;
-	March m = March(1.0, vec3(0.0), 0.0, 0.0, 0.0, 0.0);
+	March m = March(1.0, 1.0, vec3(0.0), 0.0, 0.0, 0.0, 0.0);
 	CloudRay ray = cloud_ray(d, up, frame.camera_altitude);
 	if (ray.start >= 0.0) {
 		float ground = ray_ground_distance(ray.h, ray.mu);
@@ -194,6 +215,8 @@ Clouds clouds_along(vec3 d, float t_end, float jitter, float pixel)
 		if (any_high && high.y < t_end)
 			march_high(m, ray, high.y, d, up);
 	}
+	if (LIGHTING == CLOUDS_PHYSICAL)
+		m.answer += cloud_light_behind(m.T, m.S, vec3(0.0, ray.mu, ray.sine));
 	float weight = max(m.weight, 1e-20), t = m.t / weight;
 	return Clouds(vec4(m.T, m.answer), vec4(t, sqrt(max(m.t2 / weight - t * t, 0.0)), m.answer.x > 0.0 ? m.sun_t / m.answer.x : t, 0.0));
 }

@@ -104,6 +104,7 @@ typedef unsigned int uint;
 #define FEATURE_GROUND 2
 #define FEATURE_LAYERS 4
 #define FEATURE_CLOUDS 16
+#define FEATURE_SKY_ON_GROUND 32 /* the method's ground is lit by the sky as well as by the sun */
 #define FEATURE_SPECTRAL 8 /* radiance job: L and T per band, no matrix */
 
 #define PHASE_CORNETTE_SHANKS 0
