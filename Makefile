@@ -31,7 +31,8 @@ ifneq ($(SANITIZER),)
 comma := ,
 SAN_FLAGS := -fsanitize=$(SANITIZER) -fno-omit-frame-pointer -fno-sanitize-recover=all
 endif
-PKG_CFLAGS = $(eval PKG_CFLAGS := $$(shell pkg-config --cflags $(BUILD_PKGS) $(TEST_PKGS) 2>/dev/null))$(PKG_CFLAGS)
+# Asked apart: pkg-config says nothing at all where one of its packages is missing, and a build needs none of the tests'.
+PKG_CFLAGS = $(eval PKG_CFLAGS := $$(shell pkg-config --cflags $(BUILD_PKGS) 2>/dev/null; pkg-config --cflags $(TEST_PKGS) 2>/dev/null))$(PKG_CFLAGS)
 PKG_LIBS   = $(eval PKG_LIBS := $$(shell pkg-config --libs $(BUILD_PKGS) 2>/dev/null))$(PKG_LIBS)
 LIBS       = $(PKG_LIBS) -lnova -lpthread -lm # libnova has no .pc file
 
@@ -158,7 +159,7 @@ deps-check:
 LISTEN ?= 127.0.0.1:8080
 ADMIN  ?= 127.0.0.1:8081
 run: deps-run
-	@$(MAKE) --no-print-directory all
+	@$(MAKE) --no-print-directory $(if $(filter -j% --jobserver%,$(MAKEFLAGS)),,-j$$(nproc)) all
 	exec $(B)/welkin serve --listen $(LISTEN) --admin $(ADMIN) $(ARGS)
 
 check: deps-check
