@@ -19,8 +19,6 @@
 
 vec3 sun_column(float h, float mu_s);
 
-vec3 sun_column(float h, float mu_s);
-
 /* A method that has multiple_table.glsl defines WITH_MULTIPLE: light scattered before is gathered at the same
  * nodes, and extinction is delta-scaled throughout, single scattering with its exact phase function
  * included (the TMS correction of Nakajima & Tanaka 1988). */
@@ -36,6 +34,15 @@ struct ViewRay {
 	float nu;      /* cosine between the ray and the sun */
 	float extent;  /* to the ground or to the top */
 };
+
+/* Distance to where the ray is lowest; 0 where it only rises, and where it sinks so little that the air gets no denser
+ * on the way: a cut there would spend half of the steps on next to nothing, which at few steps drew a line at eye level. */
+float lowest_point(ViewRay ray)
+{
+	float r = media.planet_radius + ray.h, lowest = clamp(-r * ray.mu, 0.0, ray.extent);
+	float sinks = lowest * lowest / (2.0 * r);
+	return sinks > 0.1 * min(media.rayleigh_scale_height, media.aerosol_scale_height) ? lowest : 0.0;
+}
 
 /* Where the ray is inside the planet's shadow: x to y, x >= y when nowhere. */
 vec2 shadow_interval(ViewRay ray, vec3 view, vec3 to_sun)
@@ -146,7 +153,7 @@ Scattered scatter_along(vec3 view, vec3 vertical, vec3 to_sun, float h, float mu
 	float ground = ray_ground_distance(ray.h, ray.mu);
 	ray.extent = ground >= 0.0 ? ground : ray_top_distance(ray.h, ray.mu);
 
-	float lowest = clamp(-(media.planet_radius + ray.h) * ray.mu, 0.0, ray.extent);
+	float lowest = lowest_point(ray);
 	vec2 dark = shadow_interval(ray, view, to_sun);
 	if (dark.y <= dark.x)
 		dark = vec2(ray.extent);
