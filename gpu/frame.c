@@ -79,6 +79,17 @@ static void prepare(struct frame *f)
 	f->result.expected_error = f->method->progressive ? NAN : choose_expect(&job->request, 0).error;
 }
 
+/* Plain images, which are most, have a kernel without what they don't need; a second one does all else. Samples of a
+ * progressive method cost too much for that to show. */
+static bool choose_sky(struct workspace *ws, struct frame *f, struct error *err)
+{
+	char file[64];
+	const bool plain = f->job.kind == WELKIN_JOB_IMAGE && !(f->plan.features & FEATURE_LAYERS);
+	snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
+	f->sky = programs_get(ws->programs, file, plain && !f->method->progressive ? "SPECTRAL=0 LAYERS=0" : "", err);
+	return f->sky != NULL;
+}
+
 struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, int memfd, struct error *err)
 {
 	const char *fault = find_fault(job);
@@ -100,14 +111,13 @@ struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, i
 	f->job = *job;
 	f->started_ms = clock_ms();
 	f->method = welkin_methods[job->request.atmosphere.method];
-	char file[64];
-	snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
-	if (!map_pixels(f, memfd, err) || !(f->sky = programs_get(ws->programs, file, "", err))) {
+	if (!map_pixels(f, memfd, err)) {
 		frame_destroy(ws, f);
 		return NULL;
 	}
 	prepare(f);
-	if (!clouds_choose_programs(ws, f, err) || (job->kind == WELKIN_JOB_IMAGE && !image_start(ws, f, err))) {
+	if (!choose_sky(ws, f, err) || !clouds_choose_programs(ws, f, err) ||
+		(job->kind == WELKIN_JOB_IMAGE && !image_start(ws, f, err))) {
 		frame_destroy(ws, f);
 		return NULL;
 	}

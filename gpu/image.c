@@ -15,15 +15,14 @@ enum { CHANNELS = 4 };
 /* What T = 1 adds up to over the batches, in the order kernels add. */
 static void set_white(struct frame *f)
 {
-	static const float Y[3] = { 0.2126390f, 0.7151687f, 0.0721923f };
 	for (int b = 0; b < f->scene.n_batches; b++) {
 		const struct BandsBlock *bands = &f->scene.batches[b];
-		for (int c = 0; c < 3; c++)
-			for (int k = 0; k < 4; k++)
+		for (int k = 0; k < 4; k++) {
+			for (int c = 0; c < 3; c++)
 				f->white[c] += bands->to_rgb[c][k] * bands->sun_irradiance[k];
+			f->white[3] += bands->sun_luminance[k];
+		}
 	}
-	for (int c = 0; c < 3; c++)
-		f->white[3] += Y[c] * f->white[c];
 }
 
 static int output_format(const struct welkin_image *image)

@@ -201,7 +201,8 @@ static void set_band(struct BandsBlock *bands, int i, const struct MediaBlock *m
 	const double density = air->density_factor;
 	const double aerosol = density * spectrum_power_law(air->aerosol_scattering_per_m, wavelength_nm);
 	const double absorbed = density * spectrum_power_law(air->aerosol_absorption_per_m, wavelength_nm);
-	double daylight[3];
+	static const double rec709_luminance[3] = { 0.2126390, 0.7151687, 0.0721923 }; /* Y, with white D65 */
+	double daylight[3], luminance = 0;
 	spectrum_daylight(wavelength_nm, daylight);
 	bands->wavelength[i] = (float)wavelength_nm;
 	bands->sun_irradiance[i] = (float)(request->sun.intensity * (flat ? 1.0 : spectrum_solar(wavelength_nm)));
@@ -215,7 +216,9 @@ static void set_band(struct BandsBlock *bands, int i, const struct MediaBlock *m
 	for (int k = 0; k < 3; k++) {
 		bands->daylight[k][i] = (float)daylight[k];
 		bands->to_rgb[k][i] = (float)to_rgb[k];
+		luminance += rec709_luminance[k] * to_rgb[k];
 	}
+	bands->sun_luminance[i] = (float)(luminance * bands->sun_irradiance[i]);
 }
 
 /* The luminance of each CIE daylight component, by the 5 nm sum of its product with ybar. */

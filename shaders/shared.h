@@ -227,6 +227,7 @@ WELKIN_BLOCK(BandsBlock, BIND_BANDS)
 	vec4 ground_albedo;
 	vec4 daylight[3];      /* CIE daylight components S0, S1, S2 at the wavelengths */
 	vec4 daylight_luminance; /* xyz: 683 lm/W times the integral of each component times ybar, in cd/m² */
+	vec4 sun_luminance;    /* cd/m² of the sun's irradiance taken as a radiance: what transmittances are weighted by for alpha */
 	vec4 to_rgb[3];        /* rows: linear Rec.709 in cd/m² from the four radiances */
 WELKIN_BLOCK_END(bands)
 

@@ -32,6 +32,14 @@ layout(std430, binding = BIND_INSCATTER) buffer Inscatter { vec4 inscatter[]; };
 layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
 layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
 
+/* Chosen when the program is built, where the renderer does so. */
+#ifndef SPECTRAL
+#define SPECTRAL (frame.features & FEATURE_SPECTRAL)
+#endif
+#ifndef LAYERS
+#define LAYERS (frame.features & FEATURE_LAYERS)
+#endif
+
 /* How many invocations share a ray, each with a result of its own; a method of random samples says more. */
 #ifndef RAY_SHARE
 #define RAY_SHARE 1
@@ -45,11 +53,6 @@ bool feature(int bit)
 vec3 to_rgb(vec4 L)
 {
 	return vec3(dot(bands.to_rgb[0], L), dot(bands.to_rgb[1], L), dot(bands.to_rgb[2], L));
-}
-
-float luminance(vec3 rgb)
-{
-	return dot(rgb, vec3(0.2126390, 0.7151687, 0.0721923)); /* Y of Rec.709 with white D65 */
 }
 
 /* Replies the bands as they are, the uniform disk included where the direction is within it: by the
@@ -66,12 +69,13 @@ void write_spectral(int i, Ray ray, vec4 L, vec4 T)
 void add_pixel(int i, Ray ray, vec4 L, vec4 T)
 {
 	bool first = batch == 0;
-	vec3 through = to_rgb(T * bands.sun_irradiance);
-	vec4 color = vec4(to_rgb(L), luminance(through));
+	vec4 color = vec4(to_rgb(L), dot(T, bands.sun_luminance));
 	radiance[i] = first ? color : radiance[i] + color;
-	if (feature(FEATURE_SUN_DISK | FEATURE_LAYERS))
+	if (LAYERS != 0 || feature(FEATURE_SUN_DISK)) {
+		vec3 through = to_rgb(T * bands.sun_irradiance);
 		transmittance[i] = vec4(first ? through : transmittance[i].rgb + through, 1.0);
-	if (feature(FEATURE_LAYERS)) {
+	}
+	if (LAYERS != 0) {
 		float ground = ray.pixel_solid_angle < 0.0 ? -1.0 : ray_ground_distance(ray.h, ray.mu);
 		vec3 layer = to_rgb(L - ground_reflected);
 		inscatter[i] = vec4(first ? layer : inscatter[i].rgb + layer,
@@ -85,7 +89,7 @@ void main()
 	if (i >= tile.z * tile.w * RAY_SHARE)
 		return;
 	int ray_index = i / RAY_SHARE;
-	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + ray_index : ray_index];
+	vec4 at = direction[SPECTRAL != 0 ? tile.x + ray_index : ray_index];
 	Ray ray;
 	ray.d = at.xyz;
 	ray.h = frame.camera_altitude;
@@ -98,7 +102,7 @@ void main()
 		L = ground_reflected = vec4(0.0);
 		T = vec4(1.0);
 	}
-	if (feature(FEATURE_SPECTRAL))
+	if (SPECTRAL != 0)
 		write_spectral(i, ray, L, T);
 	else
 		add_pixel(i, ray, L, T);

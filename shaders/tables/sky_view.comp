@@ -10,7 +10,7 @@ layout(rgba32f, binding = 0) uniform writeonly image2D table;
 void main()
 {
 	ivec2 size = imageSize(table), texel = ivec2(gl_GlobalInvocationID.xy);
-	size.y /= 2;
+	size.y /= SKY_VIEW_LAYERS;
 	if (any(greaterThanEqual(texel, size)))
 		return;
 	if (2 * texel.y >= size.y && (frame.features & FEATURE_GROUND) == 0)
@@ -19,4 +19,8 @@ void main()
 	Scattered s = scatter_along(d, up, frame.sun_direction.xyz, frame.camera_altitude, dot(d, up));
 	imageStore(table, texel, s.smooth_part);
 	imageStore(table, texel + ivec2(0, size.y), s.aerosol);
+	float h = frame.camera_altitude, mu = dot(d, up);
+	bool air = ray_enter(h, mu, length(cross(d, up))) >= 0.0, below = 2 * texel.y >= size.y;
+	vec4 through = air ? exp(-optical_depth(sun_column(h, mu)) / 16.0) : vec4(1.0);
+	imageStore(table, texel + ivec2(0, 2 * size.y), below ? vec4(0.0) : through);
 }
