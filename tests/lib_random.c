@@ -126,6 +126,18 @@ static void mend_position(uint64_t *state, struct welkin_draft *draft)
 			*given(draft, "camera.position_m") = 0;
 }
 
+/* A layer that has a thickness, in air that reaches above it. */
+static void mend_clouds(uint64_t *state, struct welkin_draft *draft)
+{
+	struct welkin_clouds *clouds = &draft->request.clouds;
+	*given(draft, "clouds.bottom_m") = *given(draft, "clouds.top_m") = *given(draft, "clouds.high.altitude_m") = 1;
+	clouds->bottom_m = random_in(state, 50, 5e3);
+	clouds->top_m = clouds->bottom_m + random_in(state, 20, 9e3);
+	clouds->high_altitude_m = random_in(state, 5e3, 14e3);
+	if (draft->request.atmosphere.top_m < 15e3)
+		*given(draft, "atmosphere.top_m") = 0;
+}
+
 void random_request(uint64_t *state, struct welkin_draft *draft)
 {
 	memset(draft, 0, sizeof *draft);
@@ -135,4 +147,5 @@ void random_request(uint64_t *state, struct welkin_draft *draft)
 	}
 	mend_image(state, draft);
 	mend_position(state, draft);
+	mend_clouds(state, draft);
 }
