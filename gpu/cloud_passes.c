@@ -3,13 +3,16 @@
 
 #include "gpu/clouds.h"
 
+#include <stdio.h>
 #include <string.h>
 
 bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error *err)
 {
 	if (!(f->plan.features & FEATURE_CLOUDS) || f->method->progressive)
 		return true;
-	return (f->clouds = programs_get(ws->programs, "clouds.comp", "", err)) &&
+	char choices[32];
+	snprintf(choices, sizeof choices, "LIGHTING=%d", f->scene.clouds.lighting);
+	return (f->clouds = programs_get(ws->programs, "clouds.comp", choices, err)) &&
 	       (f->compose = programs_get(ws->programs, "cloud_compose.comp", "", err));
 }
 

@@ -225,5 +225,7 @@ enum table_state need_clouds(struct frame_tables *tables, const struct scene *sc
 	enum table_state state = need_multiple(tables, scene, batch, err);
 	for (size_t i = 0; i < sizeof needs / sizeof needs[0] && state == TABLE_READY; i++)
 		state = needs[i](tables, &scene->clouds, err);
+	if (state == TABLE_READY && scene->clouds.lighting == CLOUDS_PHYSICAL)
+		state = need_cloud_light(tables, scene, err);
 	return state;
 }

@@ -2,7 +2,11 @@
  * The march through the clouds. What is in front of what: the layer, cut into at most two intervals by its shells, and
  * the thin high layer, each added in the order in which the ray meets it.
  */
-#include "cloud_density.glsl"
+#include "cloud_light.glsl"
+
+#ifndef LIGHTING
+#define LIGHTING clouds.lighting
+#endif
 
 layout(binding = UNIT_CLOUD_HIGH) uniform sampler2D cloud_high_texture;
 
@@ -13,7 +17,7 @@ struct Clouds {
 
 /* Sums along a ray. */
 struct March {
-	float T;
+	float T, S;          /* transmittance; the same for light scattered on the way, see cloud_light.glsl */
 	vec3 answer;         /* sun, sky, ground */
 	float weight, t, t2; /* opacity, and its moments over distance */
 	float sun_t;         /* sun's answer over distance */
@@ -57,17 +61,24 @@ vec3 artistic_source(vec3 q, float sun_depth, float nu)
 	return vec3(2.0 * beer * powder * phase, vec2(0.35 + 0.65 * height, 0.3 * (1.0 - height)) * 0.5);
 }
 
-vec3 cloud_source(vec3 q, vec3 to_sun, float nu)
+const int SUN_SAMPLES = 5; /* and the grid beyond */
+
+/* Answers per unit of optical depth at q, which lies behind transmittance T. */
+vec3 cloud_source(vec3 q, vec3 to_sun, float nu, float T)
 {
-	float depth = cloud_sun_depth(q, to_sun);
-	return artistic_source(q, depth, nu);
+	if (LIGHTING == CLOUDS_ARTISTIC)
+		return clouds.albedo * artistic_source(q, cloud_sun_depth(q, to_sun), nu);
+	float sun_depth = saves(SAVE_LIGHT_VOLUME) ? cloud_light_sun_depth(q, to_sun, SUN_SAMPLES) : cloud_sun_depth(q, to_sun);
+	return cloud_light_source(cloud_light_at(q), sun_depth, -log(max(T, 1e-9)), nu);
 }
 
 /* A stretch of one medium: energy is kept whatever its length (Hillaire 2016). */
 void march_add(inout March m, float t, float depth, vec3 source)
 {
+	float k = LIGHTING == CLOUDS_ARTISTIC ? 1.0 : cloud_light_scale(), through = exp(-k * depth);
 	float opacity = 1.0 - exp(-depth), share = m.T * opacity;
-	vec3 answer = clouds.albedo * share * source;
+	vec3 answer = m.S * (1.0 - through) / k * source;
+	m.S *= through;
 	m.answer += answer;
 	m.weight += share;
 	m.t += share * t;
@@ -90,7 +101,7 @@ void march_uniform(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, 
 		float t = interval.x + (float(i) + jitter) * step_;
 		vec3 q = cloud_point(ray, t);
 		float sigma = cloud_extinction(q, 1);
-		march_add(m, t, sigma * step_, cloud_source(q, cloud_direction(frame.sun_direction.xyz, up, q), nu));
+		march_add(m, t, sigma * step_, cloud_source(q, cloud_direction(frame.sun_direction.xyz, up, q), nu, m.T));
 		if (saves(SAVE_EARLY_EXIT) && m.T < OPAQUE)
 			break;
 	}
@@ -127,7 +138,7 @@ void march_adaptive(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up,
 			float coarse = max(rate * t, finest), step_ = sigma > 0.0 ? clamp(0.6 / sigma, 0.3 * coarse, coarse) : coarse;
 			step_ = min(step_, interval.y - t);
 			clear = sigma > 0.0 ? 0 : clear + 1;
-			march_add(m, t + 0.5 * step_, sigma * step_, cloud_source(q, cloud_direction(frame.sun_direction.xyz, up, q), nu));
+			march_add(m, t + 0.5 * step_, sigma * step_, cloud_source(q, cloud_direction(frame.sun_direction.xyz, up, q), nu, m.T));
 			before = t;
 			t += step_;
 			left--;
@@ -161,10 +172,12 @@ void march_high(inout March m, CloudRay ray, float t, vec3 d, vec3 up)
 	vec3 q = cloud_point(ray, t), to_sun = cloud_direction(frame.sun_direction.xyz, up, q);
 	vec3 view = cloud_direction(d, up, q);
 	float depth = high_depth(q), slant = depth / max(abs(view.y), 0.03), sun_slant = depth / max(abs(to_sun.y), 0.03);
-	/* single scattering in a sheet of that depth; either side of it sees the sun through half of the sheet on the mean */
-	float sunlit = exp(-0.25 * sun_slant);
+	/* the sun is seen through half of the sheet on the mean, and half of what is around is sky */
 	float nu = dot(d, frame.sun_direction.xyz);
-	vec3 source = vec3(sunlit * mix(cloud_phase(nu), 0.25 / PI, 0.15), 0.5, 0.5);
+	CloudLight light = CloudLight(vec3(0.0, 2.0 * PI, 2.0 * PI), 0.5 * sun_slant);
+	vec3 source = cloud_light_source(light, light.sun_depth, 0.5 * slant - log(max(m.T, 1e-9)), nu);
+	if (LIGHTING == CLOUDS_ARTISTIC)
+		source = vec3(exp(-0.25 * sun_slant) * mix(cloud_phase(nu), 0.25 / PI, 0.15), 0.5, 0.5);
 	march_add(m, t, slant, source);
 }
 
@@ -172,7 +185,7 @@ void march_high(inout March m, CloudRay ray, float t, vec3 d, vec3 up)
 Clouds clouds_along(vec3 d, float t_end, float jitter)
 {
 	vec3 up = frame.vertical.xyz;
-	March m = March(1.0, vec3(0.0), 0.0, 0.0, 0.0, 0.0);
+	March m = March(1.0, 1.0, vec3(0.0), 0.0, 0.0, 0.0, 0.0);
 	CloudRay ray = cloud_ray(d, up, frame.camera_altitude);
 	if (ray.start >= 0.0) {
 		float ground = ray_ground_distance(ray.h, ray.mu);
@@ -195,5 +208,7 @@ Clouds clouds_along(vec3 d, float t_end, float jitter)
 			march_high(m, ray, high.y, d, up);
 	}
 	float weight = max(m.weight, 1e-20), t = m.t / weight;
+	if (LIGHTING == CLOUDS_PHYSICAL && ray.start >= 0.0)
+		m.answer += cloud_light_behind(m.T, m.S, cloud_direction(d, up, cloud_point(ray, t)));
 	return Clouds(vec4(m.T, m.answer), vec4(t, sqrt(max(m.t2 / weight - t * t, 0.0)), m.answer.x > 0.0 ? m.sun_t / m.answer.x : t, 0.0));
 }
