@@ -217,7 +217,7 @@ static const struct welkin_field built_in[] = {
 		AT(clouds.time_s) },
 	{ "clouds.base.scale_m", WELKIN_TYPE_DOUBLE, "m", 100, 1e5, "", "Side of the volume of shapes, which repeats.",
 		NULL, AT(clouds.base_scale_m) },
-	{ "clouds.base.shape", WELKIN_TYPE_ENUM, "", 0, 0, "dilated",
+	{ "clouds.base.shape", WELKIN_TYPE_ENUM, "", 0, 0, "dilated_squared",
 		"How Perlin's noise P and Worley's W make shapes: dilated remap(P,0,1,W,1), its square, carved "
 		"remap(P,W,1,0,1), eroded remap(P,W-1,1,0,1), their product, or one of them alone.",
 		cloud_shapes, AT(clouds.base_shape) },

@@ -222,7 +222,7 @@ enum table_state need_clouds(struct frame_tables *tables, const struct scene *sc
 {
 	enum table_state (*const needs[])(struct frame_tables *, const struct CloudsBlock *,
 		struct error *) = { need_base, need_detail, need_weather, need_curl, need_high };
-	enum table_state state = need_multiple(tables, scene, batch, err);
+	enum table_state state = need_aerial(tables, scene, batch, err);
 	for (size_t i = 0; i < sizeof needs / sizeof needs[0] && state == TABLE_READY; i++)
 		state = needs[i](tables, &scene->clouds, err);
 	if (state == TABLE_READY && scene->clouds.lighting == CLOUDS_PHYSICAL)

@@ -4,6 +4,7 @@
  * front of them covers them.
  */
 #include "multiple_table.glsl"
+#include "aerial.glsl"
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
@@ -41,7 +42,12 @@ void main()
 	vec4 at = direction[spectral ? tile.x + i : i], answer = light[i];
 	if (at.w < 0.0)
 		return;
-	vec4 L = bands.sun_irradiance * cloud_radiance(at.xyz, answer, place[i].z);
+	/* the air in front, by the two distances that share mean and variance with the clouds' opacity */
+	vec4 where = place[i], near_L, near_T, far_L, far_T;
+	aerial_perspective(at.xyz, max(where.x - where.y, 0.0), near_L, near_T);
+	aerial_perspective(at.xyz, where.x + where.y, far_L, far_T);
+	vec4 L = 0.5 * (near_T + far_T) * bands.sun_irradiance * cloud_radiance(at.xyz, answer, where.z) +
+		 (1.0 - answer.x) * 0.5 * (near_L + far_L);
 	if (spectral) {
 		radiance[i] = radiance[i] * answer.x + L;
 		transmittance[i] *= answer.x;

@@ -100,6 +100,28 @@ float cloud_height(float h)
 	return (h - clouds.bottom) / (clouds.top - clouds.bottom);
 }
 
+/* Cumulus never fill the layer: noise carves them wherever they are. */
+const float MOST_COVERED = 0.72;
+
+/* Coverage and profile at a height within the layer: x, y. */
+vec2 cloud_envelope(float height, vec4 weather)
+{
+	/* bases are not level, and thin clouds are low: domes, not columns */
+	float lifted = height - 0.08 * weather.a * weather.b;
+	float tall = mix(1.0, mix(0.3, 1.0, weather.r), weather.b);
+	float coverage = pow(weather.r, mix(1.0, mix(1.0, 0.5, cloud_ramp(height, 0.6, 0.95)), clouds.anvil));
+	coverage *= mix(1.0, MOST_COVERED, weather.b);
+	float bounds = step(0.0, height) * step(height, 1.0);
+	return vec2(coverage, cloud_profile(lifted / tall, weather.b) * bounds);
+}
+
+/* Can there be a cloud at q at all? By the weather alone. */
+bool cloud_maybe(vec3 q)
+{
+	vec2 e = cloud_envelope(cloud_height(q.y), cloud_weather(q.xz));
+	return e.y > 1.0 - e.x && e.x > 0.0;
+}
+
 /* Density before erosion, and what erosion needs of it. */
 float cloud_shape(vec3 q, vec4 weather)
 {
@@ -108,13 +130,8 @@ float cloud_shape(vec3 q, vec4 weather)
 	vec4 n = textureLod(cloud_base_texture, vec3(sheared.x, q.y, sheared.y) * clouds.base.w + clouds.base.xyz, 0.0);
 	float fbm = dot(n.gba, vec3(0.625, 0.25, 0.125));
 	float shape = clamp((n.r - (fbm - 1.0)) / (2.0 - fbm), 0.0, 1.0);
-	/* bases are not level, and thin clouds are low: domes, not columns */
-	float lifted = height - 0.08 * weather.a * weather.b;
-	float tall = mix(1.0, mix(0.35, 1.0, weather.r), weather.b);
-	float coverage = pow(weather.r, mix(1.0, mix(1.0, 0.5, cloud_ramp(height, 0.6, 0.95)), clouds.anvil));
-	float bounds = step(0.0, height) * step(height, 1.0);
-	float profile = cloud_profile(lifted / tall, weather.b) * bounds;
-	return clamp((shape * profile - (1.0 - coverage)) / max(coverage, 1e-3), 0.0, 1.0) * coverage;
+	vec2 e = cloud_envelope(height, weather);
+	return clamp((shape * e.y - (1.0 - e.x)) / max(e.x, 1e-3), 0.0, 1.0);
 }
 
 float cloud_eroded(vec3 q, float shape)
@@ -128,6 +145,12 @@ float cloud_eroded(vec3 q, float shape)
 	return clamp((shape - bite) / (1.0 - bite), 0.0, 1.0);
 }
 
+/* Relative density of a shape: clouds are soft only at their edges. */
+float cloud_solid(float shape)
+{
+	return 1.0 - exp(-4.0 * shape);
+}
+
 /* 1/m at q, 0 outside the layer. detail 0 leaves out the erosion: nowhere less than with it. */
 float cloud_extinction(vec3 q, int detail)
 {
@@ -135,7 +158,7 @@ float cloud_extinction(vec3 q, int detail)
 	float shape = cloud_shape(q, weather);
 	if (detail > 0)
 		shape = cloud_eroded(q, shape);
-	return clouds.extinction * shape * (1.0 + weather.g);
+	return clouds.extinction * cloud_solid(shape) * (1.0 + weather.g);
 }
 
 /* No point of the layer is denser. */

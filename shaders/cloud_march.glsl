@@ -107,53 +107,53 @@ void march_uniform(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, 
 	}
 }
 
-/* Long cheap steps through what is empty, short ones in what is not: in space by how much a pixel sees, in depth by how
- * much a step hides. */
-void march_adaptive(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, float jitter)
+const float SMALLEST = 300.0; /* m: clouds shorter than this may be missed between probes, unless a pixel is larger */
+
+/* Probes the weather until there may be a cloud; in space by how much a pixel sees, in depth by how much a step hides. */
+void march_adaptive(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, float jitter, float pixel)
 {
 	float nu = dot(d, frame.sun_direction.xyz);
-	float spread = log(max(interval.y, 100.0) / max(interval.x, 100.0)) + (interval.y - interval.x) * 1e-4;
-	float rate = max(0.008, 1.5 * spread / float(clouds.steps)); /* step over distance */
-	float finest = max((interval.y - interval.x) / float(2 * clouds.steps), 6.0);
-	float t = interval.x + jitter * max(rate * interval.x, finest), before = interval.x;
-	int left = 2 * clouds.steps;
-	while (t < interval.y && left > 0) {
-		/* empty: the shape alone, at four times the step */
-		float skip = max(4.0 * rate * t, 4.0 * finest), shape = 0.0;
+	float finest = (interval.y - interval.x) / float(4 * clouds.steps);
+	float t = interval.x, before = t;
+	int left = 8 * clouds.steps, dense = 2 * clouds.steps;
+	t += jitter * max(pixel * t, finest);
+	while (t < interval.y && left > 0 && dense > 0) {
+		bool maybe = false;
 		while (t < interval.y && left > 0) {
-			shape = cloud_extinction(cloud_point(ray, t), 0);
+			maybe = cloud_maybe(cloud_point(ray, t));
 			left--;
-			if (shape > 0.0)
+			if (maybe)
 				break;
 			before = t;
-			t += skip;
+			t += max(SMALLEST, 2.0 * pixel * t);
 		}
-		if (shape <= 0.0)
+		if (!maybe)
 			break;
-		t = max(before, t - 0.75 * skip); /* back to where the cloud may begin */
+		t = max(before, t - 0.75 * max(SMALLEST, 2.0 * pixel * t)); /* back to where the cloud may begin */
 		int clear = 0;
-		while (t < interval.y && left > 0 && clear < 4) {
+		while (t < interval.y && dense > 0 && clear < 8) {
 			vec3 q = cloud_point(ray, t);
 			float sigma = cloud_extinction(q, 1);
-			float coarse = max(rate * t, finest), step_ = sigma > 0.0 ? clamp(0.6 / sigma, 0.3 * coarse, coarse) : coarse;
+			float coarse = max(1.5 * pixel * t, max(finest, 20.0));
+			float step_ = sigma > 0.0 ? clamp(0.5 / sigma, 0.3 * coarse, coarse) : 1.5 * coarse;
 			step_ = min(step_, interval.y - t);
 			clear = sigma > 0.0 ? 0 : clear + 1;
 			march_add(m, t + 0.5 * step_, sigma * step_, cloud_source(q, cloud_direction(frame.sun_direction.xyz, up, q), nu, m.T));
 			before = t;
 			t += step_;
-			left--;
+			dense--;
 			if (m.T < OPAQUE)
-				left = 0;
+				dense = 0;
 		}
 	}
 }
 
-void march_interval(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, float jitter)
+void march_interval(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, float jitter, float pixel)
 {
 	if (interval.y <= interval.x)
 		return;
 	if (saves(SAVE_ADAPTIVE_STEPS))
-		march_adaptive(m, ray, interval, d, up, jitter);
+		march_adaptive(m, ray, interval, d, up, jitter, pixel);
 	else
 		march_uniform(m, ray, interval, d, up, jitter);
 }
@@ -181,8 +181,8 @@ void march_high(inout March m, CloudRay ray, float t, vec3 d, vec3 up)
 	march_add(m, t, slant, source);
 }
 
-/* Clouds along a ray from the camera up to distance t_end. */
-Clouds clouds_along(vec3 d, float t_end, float jitter)
+/* Clouds along a ray from the camera up to distance t_end; pixel is the angle that it stands for, in rad. */
+Clouds clouds_along(vec3 d, float t_end, float jitter, float pixel)
 {
 	vec3 up = frame.vertical.xyz;
 	March m = March(1.0, 1.0, vec3(0.0), 0.0, 0.0, 0.0, 0.0);
@@ -201,8 +201,8 @@ Clouds clouds_along(vec3 d, float t_end, float jitter)
 		if (any_high && above && high.x < t_end)
 			march_high(m, ray, high.x, d, up);
 		if (any_low) {
-			march_interval(m, ray, first, d, up, jitter);
-			march_interval(m, ray, second, d, up, jitter);
+			march_interval(m, ray, first, d, up, jitter, pixel);
+			march_interval(m, ray, second, d, up, jitter, pixel);
 		}
 		if (any_high && high.y < t_end)
 			march_high(m, ray, high.y, d, up);

@@ -16,8 +16,9 @@ void main()
 	int i = int(gl_GlobalInvocationID.x);
 	if (i >= tile.z * tile.w)
 		return;
-	vec3 d = direction[(frame.features & FEATURE_SPECTRAL) != 0 ? tile.x + i : i].xyz;
-	Clouds c = clouds_along(d, 1e30, cloud_jitter(uvec2(tile.x + i % tile.z, tile.y + i / tile.z)));
+	vec4 d = direction[(frame.features & FEATURE_SPECTRAL) != 0 ? tile.x + i : i];
+	float pixel = clamp(sqrt(max(d.w, 0.0)), 5e-4, 0.01);
+	Clouds c = clouds_along(d.xyz, 1e30, cloud_jitter(uvec2(tile.x + i % tile.z, tile.y + i / tile.z)), pixel);
 	light[i] = c.light;
 	place[i] = c.place;
 }

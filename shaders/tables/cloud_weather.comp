@@ -14,7 +14,7 @@ const float MARGIN = 0.42;
 float cover_noise(vec3 p)
 {
 	uint seed = clouds.cloud_seed + 400u;
-	float cells = 0.6 * worley(p, 12, false, true, seed) + 0.4 * worley(p, 25, false, true, seed + 1u);
+	float cells = 0.6 * worley(p, 16, false, true, seed) + 0.4 * worley(p, 33, false, true, seed + 1u);
 	float large = perlin_fbm(p, 3, 3, 0.6, seed + 2u), small = perlin_fbm(p, 24, 3, 0.5, seed + 3u);
 	float x = 2.1 * (cells - 0.52) + 0.55 * large + 0.22 * small;
 	return 0.5 + 0.5 * tanh(1.6 * x); /* logistic, near the normal's own distribution */
