@@ -218,5 +218,7 @@ Clouds clouds_along(vec3 d, float t_end, float jitter, float pixel)
 	if (LIGHTING == CLOUDS_PHYSICAL)
 		m.answer += cloud_light_behind(m.T, m.S, vec3(0.0, ray.mu, ray.sine));
 	float weight = max(m.weight, 1e-20), t = m.t / weight;
+	if (LIGHTING == CLOUDS_PHYSICAL && ray.start >= 0.0)
+		m.answer += cloud_light_behind(m.T, m.S, cloud_direction(d, up, cloud_point(ray, t)));
 	return Clouds(vec4(m.T, m.answer), vec4(t, sqrt(max(m.t2 / weight - t * t, 0.0)), m.answer.x > 0.0 ? m.sun_t / m.answer.x : t, 0.0));
 }

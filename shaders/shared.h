@@ -56,7 +56,7 @@ typedef unsigned int uint;
 
 /* Light in clouds: grids around the camera's footprint, each CLOUD_GRID_GROWTH times as coarse and wide as the one before,
  * stacked in one 3-D texture: x east, y south, z up, level by level. */
-#define CLOUD_GRID_ACROSS 64
+#define CLOUD_GRID_ACROSS 48
 #define CLOUD_GRID_UP 20
 #define CLOUD_GRID_LEVELS 3
 #define CLOUD_GRID_GROWTH 4.0
