@@ -18,6 +18,8 @@ void cloud_grid_place(struct CloudsBlock *block, const double moved_m[2], double
 		}
 		block->grid[i][2] = (float)side;
 		side *= CLOUD_GRID_GROWTH;
+		if (i == CLOUD_GRID_LEVELS - 2) /* the last holds the whole weather map */
+			side = fmax(side, 1.05 / ((double)block->weather[3] * CLOUD_GRID_ACROSS));
 	}
 }
 

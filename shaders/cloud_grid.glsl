@@ -71,6 +71,15 @@ int cloud_grid_level(vec3 q, int least)
 	return min(level, CLOUD_GRID_LEVELS - 1);
 }
 
+/* A point as the grids know it: beyond them, one of the same weather within, since the weather map repeats and the coarsest level
+ * holds all of it. */
+vec3 cloud_grid_home(vec3 q)
+{
+	float period = 1.0 / clouds.weather.w;
+	bool outside = cloud_grid_reach(q, CLOUD_GRID_LEVELS - 1) > 1.0;
+	return outside ? vec3(q.x - period * round(q.x / period), q.y, q.z - period * round(q.z / period)) : q;
+}
+
 /* 1 within the layer's height, 0 outside. */
 float cloud_grid_within(vec3 q)
 {

@@ -23,6 +23,7 @@ struct CloudLight {
 
 CloudLight cloud_light_at(vec3 q)
 {
+	q = cloud_grid_home(q);
 	int level = cloud_grid_level(q, 0), next = min(level + 1, CLOUD_GRID_LEVELS - 1);
 	vec4 a = textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, level), level), 0.0);
 	vec4 b = textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, next), next), 0.0);

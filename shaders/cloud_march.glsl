@@ -215,8 +215,6 @@ Clouds clouds_along(vec3 d, float t_end, float jitter, float pixel)
 		if (any_high && high.y < t_end)
 			march_high(m, ray, high.y, d, up);
 	}
-	if (LIGHTING == CLOUDS_PHYSICAL)
-		m.answer += cloud_light_behind(m.T, m.S, vec3(0.0, ray.mu, ray.sine));
 	float weight = max(m.weight, 1e-20), t = m.t / weight;
 	if (LIGHTING == CLOUDS_PHYSICAL && ray.start >= 0.0)
 		m.answer += cloud_light_behind(m.T, m.S, cloud_direction(d, up, cloud_point(ray, t)));

@@ -3,16 +3,14 @@
  */
 #include "cloud_light.glsl"
 
-/* Table values at the layer's bottom where the ray from q to the sun meets it, averaged over at least so coarse a level;
- * open sky beyond the grids. */
+/* Table values at the layer's bottom where the ray from q to the sun meets it, averaged over at least so coarse a level. */
 vec4 cloud_below_light(vec3 q, vec3 to_sun, int least)
 {
 	float up = (clouds.bottom - q.y) / max(to_sun.y, 1e-3);
 	vec3 at = vec3(q.x + to_sun.x * up, clouds.bottom, q.z + to_sun.z * up);
+	at = cloud_grid_home(at);
 	int level = cloud_grid_level(at, least);
-	vec4 light = textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(at, level), level), 0.0);
-	float outside = smoothstep(0.9, 1.0, cloud_grid_reach(at, CLOUD_GRID_LEVELS - 1));
-	return mix(light, vec4(0.0, 2.0 * PI, 2.0 * PI, 1.0), to_sun.y > 0.0 ? outside : 1.0);
+	return textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(at, level), level), 0.0);
 }
 
 /* On level ground at q: share of the sun's irradiance that comes straight or nearly so; irradiance that comes diffused, per sun irradiance

@@ -55,7 +55,8 @@ void main()
 	vec3 place = vec3(texel.xy, texel.z - level * CLOUD_GRID_UP) + 0.5, q = cloud_grid_point(place, level);
 	vec4 openness = texelFetch(cloud_openness_texture, texel, 0);
 	vec3 sum = vec3(0.0, 2.0 * PI, 2.0 * PI);
-	for (int busy = reads_cloud(place, level) ? 1 : 0; busy > 0; busy--) {
+	/* the lowest cells are what the ground and the air below see */
+	for (int busy = place.z < 1.0 || reads_cloud(place, level) ? 1 : 0; busy > 0; busy--) {
 		sum = vec3(0.0);
 		for (int i = 0; i < CLOUD_DIRECTIONS; i++)
 			sum += cloud_grid_weight(i) * arriving(q, cloud_grid_direction(i), level);
