@@ -1,6 +1,8 @@
 #include "tests/lib_cloud_light.h"
 
+#include "api/api.h"
 #include "gpu/cloud_light.h"
+#include "gpu/clouds.h"
 #include "tests/lib_gpu.h"
 #include "tests/lib_request.h"
 
@@ -70,6 +72,7 @@ static void field_scene(struct scene *scene, const struct cloud_field *field, co
 	c->curl[0] = (float)field->endless;
 	c->bottom = (float)field->origin[1];
 	c->top = (float)(field->origin[1] + field->cell * (field->n[1] - 1));
+	c->weather[3] = 1.0f / 40000; /* no weather, but the grids hold one period of it */
 	c->albedo = (float)albedo;
 	c->forward_g = (float)phase->forward;
 	c->backward_g = (float)phase->backward;
@@ -145,6 +148,60 @@ struct cloud_lighting cloud_light_render(const struct cloud_field *field, const 
 	programs_destroy(programs);
 	glDeleteTextures(1, &texture);
 	return result;
+}
+
+/* ---- the renderer's own clouds ---- */
+
+static void clouds_tables(const struct scene *scene)
+{
+	struct error err = { "" };
+	enum table_state state;
+	do {
+		tables_begin_slice(lib_gpu.tables);
+		state = need_clouds(lib_gpu.tables, scene, 0, &err);
+		if (state == TABLE_FAILED || !passes_finish(lib_gpu.passes, NULL, &err))
+			fail_msg("%s", err.text);
+	} while (state == TABLE_BUILDING);
+}
+
+void cloud_light_product_field(struct cloud_field *field, double coverage, double type)
+{
+	static struct scene scene;
+	static const struct welkin_limits limits = { 1e9 };
+	struct welkin_draft draft = { 0 };
+	struct welkin_faults faults = { 0 };
+	struct welkin_request request;
+	char text[256];
+	snprintf(text, sizeof text, "{\"clouds\":{\"coverage\":%g,\"type\":%g,\"bottom_m\":%g,\"top_m\":%g}}", coverage,
+		type, field->origin[1], field->origin[1] + field->cell * (field->n[1] - 1));
+	welkin_parse_json(&draft, text, strlen(text), NULL, &faults);
+	welkin_resolve(&draft, WELKIN_EXR, &limits, &request, &faults);
+	if (faults.n)
+		fail_msg("%s: %s", faults.list[0].field, faults.list[0].detail);
+	scene_prepare(&scene, &request, NULL, 0);
+	passes_blocks(lib_gpu.passes, &scene);
+	clouds_tables(&scene);
+	struct error err = { "" };
+	static bool added;
+	added = added || programs_add_file(lib_gpu.programs, "cloud_nodes.comp", "tests/shaders/cloud_nodes.comp",
+				 read_text("tests/shaders/cloud_nodes.comp"));
+	const int n = field->n[0] * field->n[1] * field->n[2];
+	struct buffer out = lib_gpu_buffer((size_t)n * sizeof(float));
+	struct pass pass = { .name = "nodes",
+		.program = programs_get(lib_gpu.programs, "cloud_nodes.comp", "", &err),
+		.tile = { field->n[0], field->n[1], field->n[2], (int)field->cell },
+		.threads = { n, 1, 1 } };
+	if (!pass.program)
+		fail_msg("%s", err.text);
+	pass.storage[BIND_CLOUD_LIGHT] = out.id;
+	lib_gpu_run(&pass);
+	memcpy(field->extinction, out.data, (size_t)n * sizeof(float));
+	lib_gpu_free(&out);
+	field->peak = 0;
+	for (int i = 0; i < n; i++)
+		field->peak = fmaxf(field->peak, field->extinction[i]);
+	if (field->peak <= 0)
+		fail_msg("no clouds of coverage %g", coverage);
 }
 
 /* ---- fluxes ---- */
