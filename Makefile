@@ -41,7 +41,7 @@ METHOD_SRC := $(sort $(wildcard gpu/methods/*.c))
 METHODS    := $(notdir $(basename $(METHOD_SRC)))
 GPU_SRC    := $(sort $(wildcard gpu/*.c)) $(METHOD_SRC)
 SERVER_SRC := $(sort $(wildcard server/*.c))
-SHADERS    := $(sort $(wildcard shaders/*.h shaders/*.glsl shaders/*.comp shaders/methods/*.comp shaders/tables/*.comp))
+SHADERS    := $(sort $(wildcard shaders/*.h shaders/*.glsl shaders/*.vert shaders/*.frag shaders/*.comp shaders/methods/*.comp shaders/tables/*.comp))
 WWW        := $(sort $(wildcard api/www/*))
 GEN        := $(B)/gen/registry.c $(B)/gen/method_names.c $(B)/gen/shaders.c $(B)/gen/www.c
 

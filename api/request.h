@@ -105,6 +105,29 @@ struct welkin_atmosphere {
 	double ozone_column_du, ozone_center_m, ozone_half_width_m;
 };
 
+enum welkin_shading { WELKIN_PHYSICAL, WELKIN_PHONG };
+enum welkin_shadow {
+	WELKIN_SHADOW_NONE,
+	WELKIN_SHADOW_BILINEAR,
+	WELKIN_SHADOW_GAUSSIAN,
+	WELKIN_SHADOW_VARIANCE,
+	WELKIN_SHADOW_OFF
+};
+enum welkin_shadow_region { WELKIN_REGION_STATIC, WELKIN_REGION_FITTED, WELKIN_REGION_CASCADED };
+enum welkin_shafts { WELKIN_SHAFTS_AUTO, WELKIN_SHAFTS_NONE, WELKIN_SHAFTS_MARCH, WELKIN_SHAFTS_EPIPOLAR };
+
+/* A mesh under the sky. */
+struct welkin_scene {
+	char name[64]; /* "": no scene */
+	double latitude_deg, longitude_deg, altitude_m, heading_deg, scale;
+	int32_t shading;       /* enum welkin_shading */
+	int32_t shadow;        /* enum welkin_shadow: the filter, or no shadows */
+	int32_t shadow_region; /* enum welkin_shadow_region */
+	int32_t shadow_size;   /* texels along a side */
+	int32_t shafts;        /* enum welkin_shafts */
+	int32_t shaft_steps;
+};
+
 /* Numbers that the operator's methods take, of all of them together. */
 enum { WELKIN_METHOD_VALUES = 64 };
 
@@ -116,6 +139,7 @@ struct welkin_request {
 	int64_t time_ms; /* UTC, milliseconds since 1970 */
 	double latitude_deg, longitude_deg;
 	struct welkin_atmosphere atmosphere;
+	struct welkin_scene scene;
 	double ground_albedo[3];
 	double exposure_ev;           /* EV100 for mode ev */
 	double exposure_compensation; /* stops, added in every mode */

@@ -70,7 +70,7 @@ static void prepare(struct frame *f)
 	}
 	if (f->method->prepare)
 		f->method->prepare(&f->scene, &job->request);
-	planner_plan(&f->plan, job, &f->scene, f->method);
+	planner_plan(&f->plan, job, &f->scene, f->method, f->scenery.mesh);
 	f->scene.frame.features = f->plan.features;
 	f->result.id = job->id;
 	f->result.bands = f->scene.n_bands;
@@ -105,7 +105,15 @@ struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, i
 		frame_destroy(ws, f);
 		return NULL;
 	}
+	if (!scenery_find(ws, f, err)) {
+		frame_destroy(ws, f);
+		return NULL;
+	}
 	prepare(f);
+	if (!scenery_start(ws, f, err)) {
+		frame_destroy(ws, f);
+		return NULL;
+	}
 	if (job->kind == WELKIN_JOB_IMAGE && !image_start(ws, f, err)) {
 		frame_destroy(ws, f);
 		return NULL;
@@ -205,7 +213,7 @@ static enum table_state bind(struct workspace *ws, struct frame *f, struct error
 		ws->bound = f;
 	}
 	tables_begin_slice(ws->tables);
-	enum table_state state = TABLE_READY;
+	enum table_state state = scenery_bind(ws, f, err);
 	for (int batch = 0; batch < f->scene.n_batches && state == TABLE_READY; batch++)
 		state = frame_tables(ws, f, batch, err);
 	if (state == TABLE_READY)
@@ -215,7 +223,9 @@ static enum table_state bind(struct workspace *ws, struct frame *f, struct error
 
 enum table_state frame_tables(struct workspace *ws, const struct frame *frame, int batch, struct error *err)
 {
-	return frame->method->tables ? frame->method->tables(ws->tables, &frame->scene, batch, err) : TABLE_READY;
+	const enum table_state state =
+		frame->method->tables ? frame->method->tables(ws->tables, &frame->scene, batch, err) : TABLE_READY;
+	return state == TABLE_READY ? scenery_tables(ws, frame, batch, err) : state;
 }
 
 bool frame_slice(struct workspace *ws, struct frame *frame, struct error *err)

@@ -5,6 +5,7 @@
 #include "gpu/job.h"
 #include "gpu/method.h"
 #include "gpu/planner.h"
+#include "gpu/scenery.h"
 #include "gpu/strips.h"
 #include "gpu/workspace.h"
 
@@ -26,6 +27,7 @@ struct frame {
 	struct welkin_job job;
 	const struct method *method;
 	const struct program *rays, *sky, *disk, *output; /* disk, output: chosen when the strips begin */
+	struct scenery scenery;
 	enum frame_stage stage;
 	struct strips strips;   /* METER, STRIPS */
 	int batch, direction;   /* DIRECTIONS: what comes next */
@@ -70,16 +72,17 @@ int frame_afford(struct workspace *ws, const struct frame *frame, int batches, d
 /* Waits for the passes run, adds their times to the frame's, and learns what the pixels cost. */
 bool frame_settle(struct workspace *ws, struct frame *frame, int pixels, int batches, struct error *err);
 
-/* Binds the method's tables for a spectral batch. In a slice they are ready. */
+/* Binds the method's tables, and the scene's, for a spectral batch. In a slice they are ready. */
 enum table_state frame_tables(struct workspace *ws, const struct frame *frame, int batch, struct error *err);
 
 /* One step each of the stages of their kind. */
 bool image_start(struct workspace *ws, struct frame *frame, struct error *err);
 bool image_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
 bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
-/* The passes of a tile up to its radiance; samples NULL but for progressive methods (LOCATION_SAMPLES). */
-void image_run_sky(
-	struct workspace *ws, const struct frame *frame, const int tile[4], unsigned radiance, const int samples[4]);
+/* The passes of a tile up to its radiance; samples NULL but for progressive methods (LOCATION_SAMPLES). false: no device
+ * memory for it. */
+bool image_run_sky(struct workspace *ws, const struct frame *frame, const int tile[4], unsigned radiance,
+	const int samples[4], struct error *err);
 /* Goes on by that many directions of the batch in hand. */
 void photometer_advance(struct frame *frame, int count);
 /* Puts the job's directions on the device. */

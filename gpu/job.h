@@ -32,6 +32,7 @@ struct welkin_job {
 	int32_t reserved;
 	int64_t deadline_us; /* CLOCK_MONOTONIC; 0: none */
 	struct welkin_request request;
+	char scene_key[33]; /* the mesh of request.scene, by mesh_header.key; "": none */
 };
 
 enum welkin_status { WELKIN_DONE, WELKIN_CANCELLED, WELKIN_TIMED_OUT, WELKIN_FAILED };

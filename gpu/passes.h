@@ -22,7 +22,7 @@ struct pass_log {
 	struct welkin_pass_time times[WELKIN_MAX_PASSES];
 };
 
-enum { PASS_STORAGE = 7 };
+enum { PASS_STORAGE = 15 };
 
 struct pass {
 	const char *name; /* as it is logged: a string that lives until passes_finish */
@@ -51,6 +51,22 @@ void passes_blocks(struct passes *passes, const struct scene *scene);
 void passes_texture(struct passes *passes, unsigned unit, unsigned texture);
 
 void passes_run(struct passes *passes, const struct pass *pass);
+
+/* Draws indexed triangles. */
+struct draw {
+	const char *name;
+	const struct program *program;
+	unsigned framebuffer, vertex_array;
+	unsigned commands; /* buffer of DrawElementsIndirectCommand from offset 0 */
+	int n_commands;
+	int viewport[4];          /* x, y, width, height */
+	float rows[3][4];         /* LOCATION_ROWS */
+	unsigned storage[PASS_STORAGE];
+	bool clear;               /* the viewport first: colours 0, depth its far end */
+	bool reversed;            /* 1 is near, 0 infinitely far */
+	float slope_bias, bias;   /* as glPolygonOffset takes them */
+};
+void passes_draw(struct passes *passes, const struct draw *draw);
 
 /* Waits for the passes run since the last call and adds their times to log (may be NULL). Returns
  * false when the context is lost or a GL error was found; the process is then of no more use. */

@@ -1,6 +1,7 @@
 #include "gpu/planner.h"
 
 #include "gpu/choose.h"
+#include "gpu/placing.h"
 #include "gpu/view.h"
 
 #include <math.h>
@@ -107,8 +108,35 @@ static void plan_output(struct plan *plan, const struct welkin_request *request)
 	}
 }
 
-void planner_plan(
-	struct plan *plan, const struct welkin_job *job, const struct scene *scene, const struct method *method)
+/* Lets the scene in where the view may see it. */
+static void plan_surfaces(struct plan *plan, const struct welkin_job *job, const struct mesh_header *mesh,
+	const struct method *method, const struct view_cone *view)
+{
+	static const char pass[] = "surfaces";
+	if (!mesh)
+		return;
+	double center[3], distance = 0;
+	const double radius = placing_sphere(mesh, &job->request, center);
+	for (int k = 0; k < 3; k++) {
+		center[k] -= job->request.camera.position_m[k];
+		distance += center[k] * center[k];
+	}
+	distance = sqrt(distance);
+	const float towards[3] = { (float)(center[0] / distance), (float)(center[1] / distance),
+		(float)(center[2] / distance) };
+	if (mesh->n_indices == 0)
+		planner_note(plan, pass, false, "the scene has no triangles");
+	else if (distance > radius && view_angle(view->axis, towards) > view->half_angle + asin(radius / distance) + margin)
+		planner_note(plan, pass, false, "the scene is out of view");
+	else {
+		plan->features |= method->progressive ? FEATURE_TRACED : FEATURE_SURFACES;
+		planner_note(plan, pass, true, "%u triangles%s", mesh->n_indices / 3,
+			method->progressive ? ", met by paths" : "");
+	}
+}
+
+void planner_plan(struct plan *plan, const struct welkin_job *job, const struct scene *scene,
+	const struct method *method, const struct mesh_header *mesh)
 {
 	memset(plan, 0, sizeof *plan);
 	planner_note(plan, "sky", true, "method %s, %d wavelengths in %d %s", method->name, scene->n_bands,
@@ -121,6 +149,7 @@ void planner_plan(
 		const struct view_cone view = view_cone_of(&scene->frame);
 		plan_sun_disk(plan, &job->request, scene, &view);
 		plan_ground(plan, scene, &view);
+		plan_surfaces(plan, job, mesh, method, &view);
 		plan_output(plan, &job->request);
 		return;
 	}
@@ -129,5 +158,6 @@ void planner_plan(
 	plan->features |= FEATURE_SPECTRAL;
 	plan_sun_disk(plan, &job->request, scene, &all);
 	plan_ground(plan, scene, &all);
+	plan_surfaces(plan, job, mesh, method, &all);
 	planner_note(plan, "output", false, "radiance is replied as it is");
 }

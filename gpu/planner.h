@@ -3,6 +3,7 @@
 
 #include "gpu/job.h"
 #include "gpu/method.h"
+#include "gpu/mesh.h"
 #include "gpu/scene.h"
 
 /*
@@ -16,8 +17,9 @@ struct plan {
 	struct welkin_plan_entry entries[WELKIN_MAX_PASSES];
 };
 
-void planner_plan(
-	struct plan *plan, const struct welkin_job *job, const struct scene *scene, const struct method *method);
+/* mesh: the job's scene; NULL: none. */
+void planner_plan(struct plan *plan, const struct welkin_job *job, const struct scene *scene,
+	const struct method *method, const struct mesh_header *mesh);
 
 /* Adds an entry; more than fit are dropped. */
 __attribute__((format(printf, 4, 5))) void planner_note(

@@ -209,8 +209,11 @@ bool progressive_strip_pass(struct workspace *ws, struct frame *frame, bool *set
 		frame_finish(frame, WELKIN_FAILED, err->text);
 		return true;
 	}
-	image_run_sky(ws, frame, tile, ws->samples.id,
-		(const int[4]){ frame->groups, 1, PATHS_PER_PIXEL_PASS, max_order(frame) });
+	if (!image_run_sky(ws, frame, tile, ws->samples.id,
+		    (const int[4]){ frame->groups, 1, PATHS_PER_PIXEL_PASS, max_order(frame) }, err)) {
+		frame_finish(frame, WELKIN_FAILED, err->text);
+		return true;
+	}
 	if (!frame_settle(ws, frame, pixels, frame->scene.n_batches, err))
 		return false;
 	const float(*sample)[4] = ws->samples.data, (*layer)[4] = ws->sample_layers.data;

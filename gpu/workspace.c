@@ -29,13 +29,55 @@ static void release(struct buffer *buffer)
 	memset(buffer, 0, sizeof *buffer);
 }
 
+static void release_raster(struct raster *r)
+{
+	glDeleteFramebuffers(1, &r->framebuffer);
+	glDeleteTextures(1, &r->color);
+	glDeleteTextures(1, &r->depth);
+	memset(r, 0, sizeof *r);
+}
+
+bool workspace_reserve_raster(struct workspace *ws, int width, int height, struct error *err)
+{
+	struct raster *r = &ws->raster;
+	if (r->width >= width && r->height >= height)
+		return true;
+	width = width > r->width ? width : r->width;
+	height = height > r->height ? height : r->height;
+	release_raster(r);
+	glCreateTextures(GL_TEXTURE_2D_MULTISAMPLE, 1, &r->color);
+	glCreateTextures(GL_TEXTURE_2D_MULTISAMPLE, 1, &r->depth);
+	glTextureStorage2DMultisample(r->color, RASTER_SAMPLES, GL_RGBA32UI, width, height, GL_TRUE);
+	glTextureStorage2DMultisample(r->depth, RASTER_SAMPLES, GL_DEPTH_COMPONENT32F, width, height, GL_TRUE);
+	glCreateFramebuffers(1, &r->framebuffer);
+	glNamedFramebufferTexture(r->framebuffer, GL_COLOR_ATTACHMENT0, r->color, 0);
+	glNamedFramebufferTexture(r->framebuffer, GL_DEPTH_ATTACHMENT, r->depth, 0);
+	if (glCheckNamedFramebufferStatus(r->framebuffer, GL_DRAW_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE ||
+		glGetError() != GL_NO_ERROR) {
+		release_raster(r);
+		return error_set(err, "the device can't draw into %d by %d pixels", width, height);
+	}
+	r->width = width;
+	r->height = height;
+	return true;
+}
+
+const struct mesh_header *workspace_mesh(const struct workspace *ws, const char *key)
+{
+	for (int i = 0; i < ws->n_meshes; i++)
+		if (strcmp(ws->meshes[i]->key, key) == 0)
+			return ws->meshes[i];
+	return NULL;
+}
+
 void workspace_finish(struct workspace *ws)
 {
-	struct buffer *buffers[] = { &ws->rays, &ws->radiance, &ws->inscatter, &ws->transmittance, &ws->output,
+	struct buffer *buffers[] = { &ws->surface, &ws->rays, &ws->radiance, &ws->inscatter, &ws->transmittance, &ws->output,
 		&ws->counters, &ws->meter, &ws->samples, &ws->sample_layers, &ws->directions, &ws->spectral_L,
 		&ws->spectral_T };
 	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
 		release(buffers[i]);
+	release_raster(&ws->raster);
 	tables_destroy(ws->tables);
 	passes_destroy(ws->passes);
 	programs_destroy(ws->programs);

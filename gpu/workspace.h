@@ -3,6 +3,7 @@
 
 #include "api/error.h"
 #include "gpu/device.h"
+#include "gpu/mesh.h"
 #include "gpu/passes.h"
 #include "gpu/program.h"
 #include "gpu/tables.h"
@@ -29,7 +30,13 @@ struct cost {
 	unsigned used;
 };
 
-enum { WORKSPACE_COSTS = 64 };
+enum { WORKSPACE_COSTS = 64, WORKSPACE_MESHES = 16 };
+
+/* What the scene is drawn into, a strip at a time. */
+struct raster {
+	unsigned framebuffer, color, depth; /* multisampled textures */
+	int width, height;
+};
 
 struct workspace {
 	const struct device *device;
@@ -40,6 +47,10 @@ struct workspace {
 	int strip_pixels;                                       /* most pixels in a strip */
 	struct buffer rays, radiance, inscatter, transmittance; /* device only */
 	struct buffer output, counters;                         /* mapped */
+	struct buffer surface;                                  /* device only: records of the strip's pixels */
+	struct raster raster;
+	int n_meshes;
+	const struct mesh_header *meshes[WORKSPACE_MESHES];
 	struct buffer meter;                                    /* mapped */
 	struct buffer samples, sample_layers;                   /* mapped; progressive methods */
 	struct buffer directions, spectral_L, spectral_T;       /* photometer; the last two mapped */
@@ -55,6 +66,12 @@ void workspace_finish(struct workspace *ws);
 
 /* Makes the buffer at least that large; its content is lost when it grows. */
 bool workspace_reserve(struct buffer *buffer, size_t size, bool mapped, struct error *err);
+
+/* Makes the raster at least that large. */
+bool workspace_reserve_raster(struct workspace *ws, int width, int height, struct error *err);
+
+/* The mesh of that key; NULL: it is not there. */
+const struct mesh_header *workspace_mesh(const struct workspace *ws, const char *key);
 
 /* Estimated device time per pixel and batch; 0 when this setting has not been seen. */
 double workspace_cost(struct workspace *ws, int method, int steps, int light_steps);

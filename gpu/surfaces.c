@@ -1,0 +1,447 @@
+#include "gpu/surfaces.h"
+
+#include "gpu/surface_textures.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { CLUSTER_TRIANGLES = 256 };
+
+/* As glMultiDrawElementsIndirect reads it. */
+struct draw_command {
+	uint32_t count, instances, first_index, base_vertex, base_instance;
+};
+
+/* std430 of struct Material in shaders/surface_record.glsl. */
+struct device_material {
+	float diffuse[4], specular[4], ambient[4]; /* w: shininess; opacity; 0 */
+	int32_t albedo_texture, normal_texture, reserved[2];
+};
+
+struct device_triangle {
+	float corner[3][4]; /* w: bits of the vertex' number, and above them a third of the material's */
+};
+
+struct key {
+	char mesh[33];
+	struct placing placing;
+	double planet_radius_m;
+};
+
+/* What is seen of a mesh, on its way to the device. */
+struct build {
+	const struct mesh_header *mesh;
+	struct surfaces *s;
+	struct mesh_vertex *vertices;
+	uint32_t n; /* triangles */
+	uint32_t (*triangles)[3];
+	uint32_t *materials;
+	float (*corners)[9];
+	struct bvh bvh;
+};
+
+static void destroy(void *object)
+{
+	struct surfaces *s = object;
+	const unsigned buffers[] = { s->vertices, s->indices, s->material_numbers, s->materials, s->nodes,
+		s->triangles, s->ambient, s->commands };
+	const unsigned textures[] = { s->albedo, s->normal };
+	glDeleteBuffers(sizeof buffers / sizeof buffers[0], buffers);
+	glDeleteTextures(2, textures);
+	glDeleteVertexArrays(1, &s->vertex_array);
+	free(s->clusters);
+	free(s);
+}
+
+/* ---- from the mesh to what is seen of it ---- */
+
+static void place_vertices(struct build *b, double planet_radius_m)
+{
+	const struct mesh_vertex *from = mesh_vertices(b->mesh);
+	struct surfaces *s = b->s;
+	for (uint32_t i = 0; i < b->mesh->n_vertices; i++)
+		placing_bend(&s->placing, planet_radius_m, &from[i], &b->vertices[i]);
+}
+
+/* Drops what is nothing to see: triangles of materials that are mostly see-through. */
+static void collect_triangles(struct build *b)
+{
+	const struct mesh_part *parts = mesh_parts(b->mesh);
+	const uint32_t *indices = mesh_indices(b->mesh);
+	for (uint32_t p = 0; p < b->mesh->n_parts; p++) {
+		if (mesh_materials(b->mesh)[parts[p].material].opacity < 0.5f)
+			continue;
+		for (uint32_t i = 0; i < parts[p].n_indices; i += 3) {
+			const uint32_t *t = indices + parts[p].first_index + i;
+			b->materials[b->n] = parts[p].material;
+			memcpy(b->triangles[b->n], t, sizeof b->triangles[0]);
+			for (int k = 0; k < 3; k++)
+				memcpy(b->corners[b->n] + 3 * k, b->vertices[t[k]].position, 3 * sizeof(float));
+			b->n++;
+		}
+	}
+}
+
+static void find_bounds(struct build *b)
+{
+	struct surfaces *s = b->s;
+	for (int k = 0; k < 3; k++) {
+		s->low[k] = b->n ? INFINITY : 0;
+		s->high[k] = b->n ? -INFINITY : 0;
+	}
+	for (uint32_t i = 0; i < b->n; i++)
+		for (int k = 0; k < 9; k++) {
+			s->low[k % 3] = fminf(s->low[k % 3], b->corners[i][k]);
+			s->high[k % 3] = fmaxf(s->high[k % 3], b->corners[i][k]);
+		}
+}
+
+/* ---- clusters ---- */
+
+static void bound_cluster(const struct build *b, const uint32_t *list, uint32_t n, struct surfaces_cluster *c)
+{
+	float low[3] = { INFINITY, INFINITY, INFINITY }, high[3] = { -INFINITY, -INFINITY, -INFINITY };
+	for (uint32_t i = 0; i < n; i++)
+		for (int k = 0; k < 9; k++) {
+			low[k % 3] = fminf(low[k % 3], b->corners[list[i]][k]);
+			high[k % 3] = fmaxf(high[k % 3], b->corners[list[i]][k]);
+		}
+	c->radius = 0;
+	for (int k = 0; k < 3; k++) {
+		c->center[k] = 0.5f * (low[k] + high[k]);
+		c->radius += 0.25f * (high[k] - low[k]) * (high[k] - low[k]);
+	}
+	c->radius = sqrtf(c->radius);
+}
+
+/* Triangles by material and, within one, as the hierarchy has them, so that neighbours stay together. */
+static uint32_t *sort_by_material(const struct build *b)
+{
+	uint32_t *starts = calloc(b->mesh->n_materials + 1, sizeof *starts);
+	uint32_t *sorted = malloc((b->n + 1) * sizeof *sorted);
+	if (!starts || !sorted) {
+		free(starts);
+		free(sorted);
+		return NULL;
+	}
+	for (uint32_t i = 0; i < b->n; i++)
+		starts[b->materials[i] + 1]++;
+	for (uint32_t m = 0; m < b->mesh->n_materials; m++)
+		starts[m + 1] += starts[m];
+	for (uint32_t i = 0; i < b->n; i++) {
+		const uint32_t triangle = b->bvh.order[i];
+		sorted[starts[b->materials[triangle]]++] = triangle;
+	}
+	free(starts);
+	return sorted;
+}
+
+static bool make_clusters(struct build *b, uint32_t *indices)
+{
+	struct surfaces *s = b->s;
+	uint32_t *sorted = sort_by_material(b);
+	s->clusters = calloc(b->n / CLUSTER_TRIANGLES + b->mesh->n_materials + 1, sizeof *s->clusters);
+	if (!sorted || !s->clusters) {
+		free(sorted);
+		return false;
+	}
+	for (uint32_t first = 0, n; first < b->n; first += n) {
+		const uint32_t material = b->materials[sorted[first]];
+		for (n = 0; n < CLUSTER_TRIANGLES && first + n < b->n; n++) {
+			if (b->materials[sorted[first + n]] != material)
+				break;
+			memcpy(indices + 3 * (first + n), b->triangles[sorted[first + n]], 3 * sizeof *indices);
+		}
+		struct surfaces_cluster *c = &s->clusters[s->n_clusters++];
+		*c = (struct surfaces_cluster){ .first_index = 3 * first, .n_indices = 3 * n, .material = material };
+		bound_cluster(b, sorted + first, n, c);
+	}
+	free(sorted);
+	return true;
+}
+
+/* ---- to the device ---- */
+
+static unsigned upload(struct surfaces *s, const void *data, size_t size)
+{
+	static const uint32_t nothing[64];
+	unsigned id;
+	glCreateBuffers(1, &id);
+	if (size == 0) {
+		data = nothing;
+		size = sizeof nothing;
+	}
+	glNamedBufferStorage(id, (GLsizeiptr)size, data, GL_DYNAMIC_STORAGE_BIT);
+	s->bytes += (double)size;
+	return id;
+}
+
+static void upload_triangles(struct build *b, struct device_triangle *list)
+{
+	for (uint32_t i = 0; i < b->n; i++) {
+		const uint32_t triangle = b->bvh.order[i], material = b->materials[triangle];
+		for (int k = 0; k < 3; k++) {
+			const uint32_t word =
+				b->triangles[triangle][k] | (material >> (8 * k) & 0xff) << VERTEX_BITS;
+			memcpy(list[i].corner[k], b->corners[triangle] + 3 * k, 3 * sizeof(float));
+			memcpy(&list[i].corner[k][3], &word, sizeof word);
+		}
+	}
+	b->s->triangles = upload(b->s, list, b->n * sizeof *list);
+	b->s->nodes = upload(b->s, b->bvh.nodes, b->bvh.n_nodes * sizeof *b->bvh.nodes);
+}
+
+static bool upload_materials(struct build *b)
+{
+	const uint32_t n = b->mesh->n_materials;
+	struct device_material *list = calloc(n + 1, sizeof *list);
+	uint32_t *numbers = calloc(n + 1, sizeof *numbers);
+	for (uint32_t i = 0; list && numbers && i < n; i++) {
+		const struct mesh_material *m = &mesh_materials(b->mesh)[i];
+		memcpy(list[i].diffuse, m->diffuse, sizeof m->diffuse);
+		memcpy(list[i].specular, m->specular, sizeof m->specular);
+		memcpy(list[i].ambient, m->ambient, sizeof m->ambient);
+		list[i].diffuse[3] = m->shininess;
+		list[i].specular[3] = m->opacity;
+		list[i].albedo_texture = m->albedo_texture;
+		list[i].normal_texture = m->normal_texture;
+		numbers[i] = i;
+	}
+	if (list && numbers) {
+		b->s->materials = upload(b->s, list, n * sizeof *list);
+		b->s->material_numbers = upload(b->s, numbers, n * sizeof *numbers);
+	}
+	const bool ok = list && numbers;
+	free(list);
+	free(numbers);
+	return ok;
+}
+
+/* Attributes 0 to 3: position, normal, texture coordinate, open sky; 4: the material, from a cluster's base instance. */
+static void make_vertex_array(struct surfaces *s)
+{
+	static const struct {
+		int size, offset;
+	} attributes[] = { { 3, 0 }, { 3, 12 }, { 2, 24 } };
+	glCreateVertexArrays(1, &s->vertex_array);
+	const unsigned v = s->vertex_array;
+	glVertexArrayVertexBuffer(v, 0, s->vertices, 0, VERTEX_FLOATS * sizeof(float));
+	glVertexArrayVertexBuffer(v, 1, s->ambient, 0, sizeof(float));
+	glVertexArrayVertexBuffer(v, 2, s->material_numbers, 0, sizeof(uint32_t));
+	glVertexArrayBindingDivisor(v, 2, 1);
+	glVertexArrayElementBuffer(v, s->indices);
+	for (unsigned i = 0; i < 3; i++) {
+		glEnableVertexArrayAttrib(v, i);
+		glVertexArrayAttribFormat(
+			v, i, attributes[i].size, GL_FLOAT, GL_FALSE, (unsigned)attributes[i].offset);
+		glVertexArrayAttribBinding(v, i, 0);
+	}
+	glEnableVertexArrayAttrib(v, 3);
+	glVertexArrayAttribFormat(v, 3, 1, GL_FLOAT, GL_FALSE, 0);
+	glVertexArrayAttribBinding(v, 3, 1);
+	glEnableVertexArrayAttrib(v, 4);
+	glVertexArrayAttribIFormat(v, 4, 1, GL_UNSIGNED_INT, 0);
+	glVertexArrayAttribBinding(v, 4, 2);
+}
+
+static bool to_device(struct build *b)
+{
+	struct surfaces *s = b->s;
+	uint32_t *indices = malloc((size_t)b->n * 3 * sizeof *indices + 1);
+	struct device_triangle *triangles = malloc(b->n * sizeof *triangles + 1);
+	float *open = calloc(b->mesh->n_vertices + 1, sizeof *open);
+	bool ok = indices && triangles && open && make_clusters(b, indices) && upload_materials(b);
+	if (ok) {
+		_Static_assert(sizeof(struct mesh_vertex) == VERTEX_FLOATS * sizeof(float), "mesh_vertex as kernels read it");
+		s->vertices = upload(s, b->vertices, b->mesh->n_vertices * sizeof *b->vertices);
+		s->indices = upload(s, indices, (size_t)b->n * 3 * sizeof *indices);
+		upload_triangles(b, triangles);
+		for (uint32_t i = 0; i < b->mesh->n_vertices; i++)
+			open[i] = 1;
+		s->ambient = upload(s, open, b->mesh->n_vertices * sizeof *open);
+		glCreateBuffers(1, &s->commands);
+		glNamedBufferStorage(s->commands, (GLsizeiptr)((s->n_clusters + 1) * sizeof(struct draw_command)), NULL,
+			GL_DYNAMIC_STORAGE_BIT);
+		make_vertex_array(s);
+		ok = surface_textures_create(b->mesh, &s->albedo, &s->normal, &s->bytes);
+	}
+	free(indices);
+	free(triangles);
+	free(open);
+	return ok && glGetError() == GL_NO_ERROR;
+}
+
+static bool build(struct build *b, double planet_radius_m)
+{
+	const uint32_t triangles = b->mesh->n_indices / 3, vertices = b->mesh->n_vertices;
+	b->vertices = malloc(vertices * sizeof *b->vertices + 1);
+	b->triangles = malloc(triangles * sizeof *b->triangles + 1);
+	b->materials = malloc(triangles * sizeof *b->materials + 1);
+	b->corners = malloc(triangles * sizeof *b->corners + 1);
+	bool ok = b->vertices && b->triangles && b->materials && b->corners;
+	if (ok) {
+		place_vertices(b, planet_radius_m);
+		collect_triangles(b);
+		find_bounds(b);
+		b->s->n_vertices = vertices;
+		b->s->n_triangles = b->n;
+		b->s->n_materials = b->mesh->n_materials;
+		ok = (b->n == 0 || bvh_build(&b->bvh, (const float(*)[9])b->corners, b->n)) && to_device(b);
+	}
+	bvh_free(&b->bvh);
+	free(b->vertices);
+	free(b->triangles);
+	free(b->materials);
+	free(b->corners);
+	return ok;
+}
+
+static void make_key(struct key *key, const struct mesh_header *mesh, const struct welkin_request *request)
+{
+	memset(key, 0, sizeof *key);
+	memcpy(key->mesh, mesh->key, sizeof key->mesh);
+	key->placing = placing_of(request);
+	/* neither bends the mesh, so that one that is only moved about is the same */
+	key->placing.latitude_deg = key->placing.longitude_deg = key->placing.heading_deg = 0;
+	key->planet_radius_m = request->atmosphere.planet_radius_m;
+}
+
+struct surfaces *surfaces_need(struct frame_tables *tables, const struct mesh_header *mesh,
+	const struct welkin_request *request, struct error *err)
+{
+	static const char kind;
+	struct key key;
+	make_key(&key, mesh, request);
+	struct surfaces *s = tables_kept(tables, &kind, &key, sizeof key);
+	if (s)
+		return s;
+	if (mesh->n_vertices >= 1u << VERTEX_BITS) {
+		error_set(err, "the scene has %u vertices, more than %u", mesh->n_vertices, (1u << VERTEX_BITS) - 1);
+		return NULL;
+	}
+	s = calloc(1, sizeof *s);
+	if (!s) {
+		error_set(err, "out of memory");
+		return NULL;
+	}
+	memcpy(s->key, mesh->key, sizeof s->key);
+	s->placing = key.placing;
+	if (!build(&(struct build){ .mesh = mesh, .s = s }, key.planet_radius_m)) {
+		destroy(s);
+		error_set(err, "no memory for a scene of %u triangles", mesh->n_indices / 3);
+		return NULL;
+	}
+	return tables_keep(tables, &kind, &key, sizeof key, s, s->bytes, destroy, err) ? s : NULL;
+}
+
+void surfaces_bind(const struct surfaces *surfaces, struct passes *passes, unsigned storage[PASS_STORAGE])
+{
+	storage[BIND_BVH] = surfaces->nodes;
+	storage[BIND_TRIANGLES] = surfaces->triangles;
+	storage[BIND_VERTICES] = surfaces->vertices;
+	storage[BIND_MATERIALS] = surfaces->materials;
+	storage[BIND_AMBIENT] = surfaces->ambient;
+	passes_texture(passes, UNIT_ALBEDO, surfaces->albedo);
+	passes_texture(passes, UNIT_NORMAL, surfaces->normal);
+}
+
+/* ---- views ---- */
+
+static void to_vec4(vec4 out, const double v[3])
+{
+	for (int k = 0; k < 3; k++)
+		out[k] = (float)v[k];
+	out[3] = 0;
+}
+
+void surfaces_prepare(
+	struct SurfacesBlock *block, const struct welkin_request *request, const float low[3], const float high[3])
+{
+	const struct mesh_frame frame = mesh_frame_of(request);
+	double camera[3], rest[3];
+	mesh_frame_from_world(&frame, request->camera.position_m, camera);
+	for (int k = 0; k < 3; k++) {
+		to_vec4(block->axis[k], frame.axes[k]);
+		rest[k] = camera[k] - (double)(float)camera[k];
+		block->low[k] = low[k];
+		block->high[k] = high[k];
+	}
+	to_vec4(block->camera_high, camera);
+	to_vec4(block->camera_low, rest);
+	block->shading = request->scene.shading;
+}
+
+void surfaces_rows(const struct surfaces_window *w, float rows[3][4])
+{
+	for (int k = 0; k < 3; k++) {
+		const double x = w->center[0] - w->box[0], y = w->center[1] - w->box[1];
+		rows[0][k] = (float)(2 * w->f[0] / w->box[2] * w->right[k] + (2 * x / w->box[2] - 1) * w->forward[k]);
+		rows[1][k] = (float)(-2 * w->f[1] / w->box[3] * w->up[k] + (2 * y / w->box[3] - 1) * w->forward[k]);
+		rows[2][k] = (float)w->forward[k];
+	}
+	rows[0][3] = rows[1][3] = rows[2][3] = 0;
+}
+
+/* Does a sphere about a point relative to the camera reach into the window's pyramid? */
+static bool sees(float rows[3][4], const double at[3], double radius)
+{
+	for (int plane = 0; plane < 4; plane++) {
+		const double sign = plane & 1 ? -1 : 1;
+		double distance = 0, length = 0;
+		for (int k = 0; k < 3; k++) {
+			const double normal = (double)rows[2][k] + sign * (double)rows[plane / 2][k];
+			distance += normal * at[k];
+			length += normal * normal;
+		}
+		if (distance < -radius * sqrt(length))
+			return false;
+	}
+	return true;
+}
+
+static struct draw_command command_of(const struct surfaces_cluster *c)
+{
+	return (struct draw_command){ c->n_indices, 1, c->first_index, 0, c->material };
+}
+
+static int send_commands(const struct surfaces *s, const struct draw_command *list, int n)
+{
+	if (n > 0)
+		glNamedBufferSubData(s->commands, 0, (GLsizeiptr)((size_t)n * sizeof *list), list);
+	return n;
+}
+
+int surfaces_cull(const struct surfaces *s, const struct SurfacesBlock *block, const struct surfaces_window *window)
+{
+	float rows[3][4];
+	struct draw_command *list = malloc((s->n_clusters + 1) * sizeof *list);
+	int n = 0;
+	surfaces_rows(window, rows);
+	for (uint32_t i = 0; list && i < s->n_clusters; i++) {
+		const struct surfaces_cluster *c = &s->clusters[i];
+		double offset[3], at[3] = { 0, 0, 0 };
+		for (int k = 0; k < 3; k++)
+			offset[k] = (double)c->center[k] - (double)block->camera_high[k] - (double)block->camera_low[k];
+		for (int k = 0; k < 3; k++)
+			for (int axis = 0; axis < 3; axis++)
+				at[k] += (double)block->axis[axis][k] * offset[axis];
+		if (sees(rows, at, (double)c->radius))
+			list[n++] = command_of(c);
+	}
+	send_commands(s, list, n);
+	free(list);
+	return n;
+}
+
+int surfaces_all(const struct surfaces *s)
+{
+	struct draw_command *list = malloc((s->n_clusters + 1) * sizeof *list);
+	int n = 0;
+	for (uint32_t i = 0; list && i < s->n_clusters; i++)
+		list[n++] = command_of(&s->clusters[i]);
+	send_commands(s, list, n);
+	free(list);
+	return n;
+}

@@ -1,0 +1,63 @@
+#ifndef WELKIN_GPU_SURFACES_H
+#define WELKIN_GPU_SURFACES_H
+
+#include "api/error.h"
+#include "gpu/bvh.h"
+#include "gpu/mesh.h"
+#include "gpu/placing.h"
+#include "gpu/scene.h"
+#include "gpu/tables.h"
+
+/*
+ * A mesh on the device, where it stands: vertices in the mesh's frame (placing.h), textures, the hierarchy for rays. Kept
+ * among the tables, by mesh, place and planet.
+ */
+
+/* Neighbouring triangles of one material, which a strip draws or leaves out together. */
+struct surfaces_cluster {
+	uint32_t first_index, n_indices, material;
+	float center[3], radius;
+};
+
+struct surfaces {
+	char key[33];
+	struct placing placing;
+	uint32_t n_vertices, n_triangles, n_materials, n_clusters;
+	float low[3], high[3]; /* mesh's frame */
+	unsigned vertex_array;
+	unsigned vertices, indices, material_numbers, materials, nodes, triangles, ambient; /* buffers */
+	unsigned albedo, normal;                                                           /* texture arrays */
+	struct surfaces_cluster *clusters;
+	unsigned commands; /* buffer for as many draws as there are clusters */
+	uint32_t ambient_done; /* vertices whose share of open sky is known */
+	double bytes;
+};
+
+/* The surfaces of that mesh for this request, built on first use; NULL with the reason. They stay for the slice in hand. A
+ * mesh without triangles that can be seen gives surfaces without clusters. */
+struct surfaces *surfaces_need(struct frame_tables *tables, const struct mesh_header *mesh,
+	const struct welkin_request *request, struct error *err);
+
+/* The block of a frame with these surfaces: where they stand, seen from the camera; shadows are shadow.h's. */
+void surfaces_prepare(
+	struct SurfacesBlock *block, const struct welkin_request *request, const float low[3], const float high[3]);
+
+/* Binds the textures, and says which buffers a pass finds them in. */
+void surfaces_bind(const struct surfaces *surfaces, struct passes *passes, unsigned storage[PASS_STORAGE]);
+
+/* What a rectangular part of an image sees: rows of the projection that takes points relative to the camera, in world
+ * axes, to the part's clip space. f: pixels per unit of slope, centre: pixel that `forward` falls on. */
+struct surfaces_window {
+	double right[3], up[3], forward[3];
+	double f[2], center[2];
+	int box[4]; /* x, y, width, height in the image */
+};
+void surfaces_rows(const struct surfaces_window *window, float rows[3][4]);
+
+/* Writes draw commands for the clusters that the window may see; returns how many. */
+int surfaces_cull(const struct surfaces *surfaces, const struct SurfacesBlock *block,
+	const struct surfaces_window *window);
+/* Commands for all of them. */
+int surfaces_all(const struct surfaces *surfaces);
+
+#endif

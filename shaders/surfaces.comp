@@ -1,0 +1,52 @@
+/*
+ * Lights the surfaces that a strip shows and puts the air before them, for one spectral batch; the sky's kernel has left
+ * the share of the pixels that they cover empty.
+ */
+#ifndef RADIANCE_JOB
+#define RADIANCE_JOB 0
+#endif
+#ifndef SHADOWS
+#define SHADOWS (frame.features & FEATURE_SHADOWS)
+#endif
+#include "surface_shading.glsl"
+#include "shadow.glsl"
+#include "surface_air.glsl"
+#include "sky_output.glsl"
+
+void main()
+{
+	int i = int(gl_GlobalInvocationID.x);
+	if (i >= tile.z * tile.w)
+		return;
+	Surface s = surface_unpack(surface[i]);
+	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i];
+	if (s.coverage <= 0.0 || at.w < 0.0)
+		return;
+	vec3 d = at.xyz, v = d * s.t, up = frame.vertical.xyz;
+	float R = media.planet_radius, h = altitude_at(frame.camera_altitude, clamp(dot(d, up), -1.0, 1.0), s.t);
+	up = normalize(up * (R + frame.camera_altitude) + v);
+	float mu_s = clamp(dot(up, frame.sun_direction.xyz), -1.0, 1.0);
+
+	Lighting light;
+	light.n = s.normal;
+	light.v = -d;
+	light.l = frame.sun_direction.xyz;
+	light.sun = bands.sun_irradiance * scaled_sunlight(h, mu_s);
+	light.level_sky = bands.sun_irradiance * sky_irradiance(h, up, up);
+	light.level_sun = max(mu_s, 0.0);
+	light.open = s.open;
+	light.lit = dot(s.face, light.l) > 0.0 ? 1.0 : 0.0;
+	if (SHADOWS != 0)
+		light.lit *= shadow_of_surface(v, s.face);
+	Material m = materials[s.material];
+	vec4 L;
+	if (surfaces.shading == SHADING_PHONG) {
+		L = shade_phong(m, s.albedo, light);
+	} else {
+		light.sky = bands.sun_irradiance * sky_irradiance(h, up, s.normal);
+		L = shade_physical(m, s.albedo, light);
+	}
+	vec4 air, T;
+	aerial_perspective(d, s.t, air, T);
+	add_surface(i, s.t, s.coverage, air, T * L);
+}
