@@ -197,8 +197,11 @@ void passes_draw(struct passes *passes, const struct draw *draw)
 	if (draw->program->has_rows)
 		glUniform4fv(LOCATION_ROWS, 3, draw->rows[0]);
 	glBindVertexArray(draw->vertex_array);
-	glBindBuffer(GL_DRAW_INDIRECT_BUFFER, draw->commands);
-	glMultiDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT, NULL, draw->n_commands, 0);
+	for (int i = 0, first = 0; i < draw->list->n_runs; first += draw->list->runs[i++].n) {
+		glVertexAttribI1ui(ATTRIBUTE_MATERIAL, draw->list->runs[i].material);
+		glMultiDrawElements(GL_TRIANGLES, draw->list->counts + first, GL_UNSIGNED_INT,
+			draw->list->offsets + first, draw->list->runs[i].n);
+	}
 	glDisable(GL_SCISSOR_TEST);
 	end_timing(passes, draw->name, start);
 }

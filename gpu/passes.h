@@ -52,13 +52,24 @@ void passes_texture(struct passes *passes, unsigned unit, unsigned texture);
 
 void passes_run(struct passes *passes, const struct pass *pass);
 
+/* Stretches of an index buffer of uint32, those of one material together. (Indirect draws would be the plain way, but llvmpipe waits
+ * for itself at each.) */
+struct draw_list {
+	int n, n_runs;
+	int *counts;          /* indices of each stretch */
+	const void **offsets; /* its first in the index buffer, in bytes */
+	struct draw_run {
+		unsigned material; /* attribute ATTRIBUTE_MATERIAL */
+		int n;             /* stretches */
+	} *runs;
+};
+
 /* Draws indexed triangles. */
 struct draw {
 	const char *name;
 	const struct program *program;
 	unsigned framebuffer, vertex_array;
-	unsigned commands; /* buffer of DrawElementsIndirectCommand from offset 0 */
-	int n_commands;
+	const struct draw_list *list;
 	int viewport[4];          /* x, y, width, height */
 	float rows[3][4];         /* LOCATION_ROWS */
 	unsigned storage[PASS_STORAGE];

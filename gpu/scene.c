@@ -19,6 +19,9 @@ enum { TABLE_STEPS = 96 };
 /* Zenith angles above and below the horizon from which the multiple-scattering table gathers. */
 enum { AROUND_STEPS = 12 };
 
+/* Nodes between two distances of the aerial-perspective table. */
+enum { SLICE_STEPS = 3 };
+
 static const double PEAK_DEG = 6;
 
 static double radians(double degrees)
@@ -175,6 +178,7 @@ static void set_media(struct scene *scene, const struct welkin_atmosphere *air)
 		add_rule(scene, RULE_TABLE + pieces - 1, TABLE_STEPS / pieces);
 	}
 	add_rule(scene, RULE_AROUND, AROUND_STEPS);
+	add_rule(scene, RULE_SLICE, SLICE_STEPS);
 	double moments[2], peak;
 	delta_scale(air, moments, &peak);
 	media->aerosol_moments[0] = (float)moments[0];

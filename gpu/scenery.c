@@ -94,13 +94,12 @@ static void draw_window(
 		.program = s->draw,
 		.framebuffer = ws->raster.framebuffer,
 		.vertex_array = s->surfaces->vertex_array,
-		.commands = s->surfaces->commands,
+		.list = surfaces_cull(s->surfaces, &f->scene.surfaces, window),
 		.viewport = { window->box[0] - tile[0], window->box[1] - tile[1], window->box[2], window->box[3] },
 		.clear = true,
 		.reversed = true };
 	surfaces_bind(s->surfaces, ws->passes, draw.storage);
 	surfaces_rows(window, draw.rows);
-	draw.n_commands = surfaces_cull(s->surfaces, &f->scene.surfaces, window);
 	passes_draw(ws->passes, &draw);
 }
 

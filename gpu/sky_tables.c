@@ -87,3 +87,27 @@ enum table_state need_precomputed(struct frame_tables *tables, const struct scen
 	} key = { coefficient_key(scene, batch), scene->media.steps };
 	return tables_need(tables, &precomputed, &key, sizeof key, batch, err);
 }
+
+enum table_state need_aerial(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)
+{
+	static const struct table_desc aerial = {
+		.name = "aerial",
+		.width = AERIAL_AZIMUTHS,
+		.height = AERIAL_VIEWS,
+		.depth = 2 * AERIAL_DISTANCES,
+		.internal_format = GL_RGBA32F,
+		.unit = UNIT_AERIAL,
+		.threads = { AERIAL_AZIMUTHS, AERIAL_VIEWS, 1 },
+	};
+	const enum table_state state = need_multiple(tables, scene, batch, err);
+	if (state != TABLE_READY)
+		return state;
+	const struct FrameBlock *frame = &scene->frame;
+	struct {
+		struct coefficient_key coefficients;
+		float camera_altitude, mu_s;
+	} key = { .coefficients = coefficient_key(scene, batch), .camera_altitude = frame->camera_altitude };
+	for (int i = 0; i < 3; i++)
+		key.mu_s += frame->vertical[i] * frame->sun_direction[i];
+	return tables_need(tables, &aerial, &key, sizeof key, batch, err);
+}

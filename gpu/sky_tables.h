@@ -15,4 +15,8 @@ enum table_state need_multiple(struct frame_tables *tables, const struct scene *
 /* What a ray brings, for every altitude, view and sun: by the same, and by steps. UNIT_PRECOMPUTED. */
 enum table_state need_precomputed(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
 
+/* Light scattered into every ray from the camera up to every distance, for shaders/aerial.glsl: by the coefficients of
+ * the batch, the camera's altitude and the sun's angle to its vertical. UNIT_AERIAL. */
+enum table_state need_aerial(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
+
 #endif

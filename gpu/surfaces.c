@@ -9,11 +9,6 @@
 
 enum { CLUSTER_TRIANGLES = 256 };
 
-/* As glMultiDrawElementsIndirect reads it. */
-struct draw_command {
-	uint32_t count, instances, first_index, base_vertex, base_instance;
-};
-
 /* std430 of struct Material in shaders/surface_record.glsl. */
 struct device_material {
 	float diffuse[4], specular[4], ambient[4]; /* w: shininess; opacity; 0 */
@@ -45,13 +40,15 @@ struct build {
 static void destroy(void *object)
 {
 	struct surfaces *s = object;
-	const unsigned buffers[] = { s->vertices, s->indices, s->material_numbers, s->materials, s->nodes,
-		s->triangles, s->ambient, s->commands };
+	const unsigned buffers[] = { s->vertices, s->indices, s->materials, s->nodes, s->triangles, s->ambient };
 	const unsigned textures[] = { s->albedo, s->normal };
 	glDeleteBuffers(sizeof buffers / sizeof buffers[0], buffers);
 	glDeleteTextures(2, textures);
 	glDeleteVertexArrays(1, &s->vertex_array);
 	free(s->clusters);
+	free(s->list.counts);
+	free(s->list.offsets);
+	free(s->list.runs);
 	free(s);
 }
 
@@ -197,8 +194,7 @@ static bool upload_materials(struct build *b)
 {
 	const uint32_t n = b->mesh->n_materials;
 	struct device_material *list = calloc(n + 1, sizeof *list);
-	uint32_t *numbers = calloc(n + 1, sizeof *numbers);
-	for (uint32_t i = 0; list && numbers && i < n; i++) {
+	for (uint32_t i = 0; list && i < n; i++) {
 		const struct mesh_material *m = &mesh_materials(b->mesh)[i];
 		memcpy(list[i].diffuse, m->diffuse, sizeof m->diffuse);
 		memcpy(list[i].specular, m->specular, sizeof m->specular);
@@ -207,19 +203,15 @@ static bool upload_materials(struct build *b)
 		list[i].specular[3] = m->opacity;
 		list[i].albedo_texture = m->albedo_texture;
 		list[i].normal_texture = m->normal_texture;
-		numbers[i] = i;
 	}
-	if (list && numbers) {
+	if (list)
 		b->s->materials = upload(b->s, list, n * sizeof *list);
-		b->s->material_numbers = upload(b->s, numbers, n * sizeof *numbers);
-	}
-	const bool ok = list && numbers;
+	const bool ok = list != NULL;
 	free(list);
-	free(numbers);
 	return ok;
 }
 
-/* Attributes 0 to 3: position, normal, texture coordinate, open sky; 4: the material, from a cluster's base instance. */
+/* Attributes 0 to 3: position, normal, texture coordinate, open sky; the material is the same for a draw. */
 static void make_vertex_array(struct surfaces *s)
 {
 	static const struct {
@@ -229,8 +221,6 @@ static void make_vertex_array(struct surfaces *s)
 	const unsigned v = s->vertex_array;
 	glVertexArrayVertexBuffer(v, 0, s->vertices, 0, VERTEX_FLOATS * sizeof(float));
 	glVertexArrayVertexBuffer(v, 1, s->ambient, 0, sizeof(float));
-	glVertexArrayVertexBuffer(v, 2, s->material_numbers, 0, sizeof(uint32_t));
-	glVertexArrayBindingDivisor(v, 2, 1);
 	glVertexArrayElementBuffer(v, s->indices);
 	for (unsigned i = 0; i < 3; i++) {
 		glEnableVertexArrayAttrib(v, i);
@@ -241,9 +231,14 @@ static void make_vertex_array(struct surfaces *s)
 	glEnableVertexArrayAttrib(v, 3);
 	glVertexArrayAttribFormat(v, 3, 1, GL_FLOAT, GL_FALSE, 0);
 	glVertexArrayAttribBinding(v, 3, 1);
-	glEnableVertexArrayAttrib(v, 4);
-	glVertexArrayAttribIFormat(v, 4, 1, GL_UNSIGNED_INT, 0);
-	glVertexArrayAttribBinding(v, 4, 2);
+}
+
+static bool make_list(struct surfaces *s)
+{
+	s->list.counts = calloc(s->n_clusters + 1, sizeof *s->list.counts);
+	s->list.offsets = calloc(s->n_clusters + 1, sizeof *s->list.offsets);
+	s->list.runs = calloc(s->n_materials + 1, sizeof *s->list.runs);
+	return s->list.counts && s->list.offsets && s->list.runs;
 }
 
 static bool to_device(struct build *b)
@@ -261,11 +256,8 @@ static bool to_device(struct build *b)
 		for (uint32_t i = 0; i < b->mesh->n_vertices; i++)
 			open[i] = 1;
 		s->ambient = upload(s, open, b->mesh->n_vertices * sizeof *open);
-		glCreateBuffers(1, &s->commands);
-		glNamedBufferStorage(s->commands, (GLsizeiptr)((s->n_clusters + 1) * sizeof(struct draw_command)), NULL,
-			GL_DYNAMIC_STORAGE_BIT);
 		make_vertex_array(s);
-		ok = surface_textures_create(b->mesh, &s->albedo, &s->normal, &s->bytes);
+		ok = make_list(s) && surface_textures_create(b->mesh, &s->albedo, &s->normal, &s->bytes);
 	}
 	free(indices);
 	free(triangles);
@@ -401,25 +393,22 @@ static bool sees(float rows[3][4], const double at[3], double radius)
 	return true;
 }
 
-static struct draw_command command_of(const struct surfaces_cluster *c)
+static void add_to_list(struct draw_list *list, const struct surfaces_cluster *c)
 {
-	return (struct draw_command){ c->n_indices, 1, c->first_index, 0, c->material };
+	if (list->n_runs == 0 || list->runs[list->n_runs - 1].material != c->material)
+		list->runs[list->n_runs++] = (struct draw_run){ c->material, 0 };
+	list->runs[list->n_runs - 1].n++;
+	list->counts[list->n] = (int)c->n_indices;
+	list->offsets[list->n++] = (const char *)NULL + sizeof(uint32_t) * c->first_index;
 }
 
-static int send_commands(const struct surfaces *s, const struct draw_command *list, int n)
-{
-	if (n > 0)
-		glNamedBufferSubData(s->commands, 0, (GLsizeiptr)((size_t)n * sizeof *list), list);
-	return n;
-}
-
-int surfaces_cull(const struct surfaces *s, const struct SurfacesBlock *block, const struct surfaces_window *window)
+const struct draw_list *surfaces_cull(
+	struct surfaces *s, const struct SurfacesBlock *block, const struct surfaces_window *window)
 {
 	float rows[3][4];
-	struct draw_command *list = malloc((s->n_clusters + 1) * sizeof *list);
-	int n = 0;
 	surfaces_rows(window, rows);
-	for (uint32_t i = 0; list && i < s->n_clusters; i++) {
+	s->list.n = s->list.n_runs = 0;
+	for (uint32_t i = 0; i < s->n_clusters; i++) {
 		const struct surfaces_cluster *c = &s->clusters[i];
 		double offset[3], at[3] = { 0, 0, 0 };
 		for (int k = 0; k < 3; k++)
@@ -428,20 +417,15 @@ int surfaces_cull(const struct surfaces *s, const struct SurfacesBlock *block, c
 			for (int axis = 0; axis < 3; axis++)
 				at[k] += (double)block->axis[axis][k] * offset[axis];
 		if (sees(rows, at, (double)c->radius))
-			list[n++] = command_of(c);
+			add_to_list(&s->list, c);
 	}
-	send_commands(s, list, n);
-	free(list);
-	return n;
+	return &s->list;
 }
 
-int surfaces_all(const struct surfaces *s)
+const struct draw_list *surfaces_all(struct surfaces *s)
 {
-	struct draw_command *list = malloc((s->n_clusters + 1) * sizeof *list);
-	int n = 0;
-	for (uint32_t i = 0; list && i < s->n_clusters; i++)
-		list[n++] = command_of(&s->clusters[i]);
-	send_commands(s, list, n);
-	free(list);
-	return n;
+	s->list.n = s->list.n_runs = 0;
+	for (uint32_t i = 0; i < s->n_clusters; i++)
+		add_to_list(&s->list, &s->clusters[i]);
+	return &s->list;
 }

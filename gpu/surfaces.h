@@ -25,10 +25,10 @@ struct surfaces {
 	uint32_t n_vertices, n_triangles, n_materials, n_clusters;
 	float low[3], high[3]; /* mesh's frame */
 	unsigned vertex_array;
-	unsigned vertices, indices, material_numbers, materials, nodes, triangles, ambient; /* buffers */
+	unsigned vertices, indices, materials, nodes, triangles, ambient; /* buffers */
 	unsigned albedo, normal;                                                           /* texture arrays */
 	struct surfaces_cluster *clusters;
-	unsigned commands; /* buffer for as many draws as there are clusters */
+	struct draw_list list; /* room for all clusters */
 	uint32_t ambient_done; /* vertices whose share of open sky is known */
 	double bytes;
 };
@@ -54,10 +54,9 @@ struct surfaces_window {
 };
 void surfaces_rows(const struct surfaces_window *window, float rows[3][4]);
 
-/* Writes draw commands for the clusters that the window may see; returns how many. */
-int surfaces_cull(const struct surfaces *surfaces, const struct SurfacesBlock *block,
-	const struct surfaces_window *window);
-/* Commands for all of them. */
-int surfaces_all(const struct surfaces *surfaces);
+/* The clusters that the window may see, or all of them; good until the next call. */
+const struct draw_list *surfaces_cull(
+	struct surfaces *surfaces, const struct SurfacesBlock *block, const struct surfaces_window *window);
+const struct draw_list *surfaces_all(struct surfaces *surfaces);
 
 #endif

@@ -48,6 +48,7 @@ typedef unsigned int uint;
 #define UNIT_MULTIPLE 1
 #define UNIT_SKY_VIEW 2
 #define UNIT_PRECOMPUTED 3
+#define UNIT_AERIAL 4
 #define UNIT_ALBEDO 16        /* array of the materials' colours, sRGB */
 #define UNIT_NORMAL 17        /* array of their normal maps */
 #define UNIT_RASTER 18       /* multisampled records of the strip in hand */
@@ -60,6 +61,7 @@ typedef unsigned int uint;
 /* Samples of a pixel in the raster pass. */
 #define RASTER_SAMPLES 4
 #define VERTEX_FLOATS 8
+#define ATTRIBUTE_MATERIAL 4
 #define VERTEX_BITS 24       /* of a triangle's corner, the rest of its word is a third of the material */
 #define SHADOW_CASCADES 4
 
@@ -70,6 +72,11 @@ typedef unsigned int uint;
 #define PRECOMPUTED_AZIMUTHS 12
 #define PRECOMPUTED_ALTITUDES 20
 
+/* Samples of the aerial-perspective table: azimuth from the sun, angle from the horizon (above and below), distance. */
+#define AERIAL_AZIMUTHS 32
+#define AERIAL_VIEWS 64
+#define AERIAL_DISTANCES 32
+
 /* MediaBlock.rule: Gauss-Legendre on [0,1]. A view ray cut into k pieces uses RULE_VIEW + k - 1 on
  * each, so that its steps add up to atmosphere.steps; RULE_LIGHT likewise for atmosphere.light_steps
  * on rays to the sun (1 or 2 pieces), RULE_TABLE for tables, whose accuracy is not the client's choice. */
@@ -77,7 +84,8 @@ typedef unsigned int uint;
 #define RULE_LIGHT 4
 #define RULE_TABLE 6
 #define RULE_AROUND 8 /* directions above and below the horizon, multiple-scattering table */
-#define RULE_COUNT 9
+#define RULE_SLICE 9  /* between two distances of the aerial-perspective table */
+#define RULE_COUNT 10
 
 /* Plain uniforms */
 #define LOCATION_TILE 0  /* ivec4: x, y, width, height of the strip in the image; a radiance job: first direction, 0, count, 1 */

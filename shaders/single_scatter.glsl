@@ -19,8 +19,6 @@
 
 vec3 sun_column(float h, float mu_s);
 
-vec3 sun_column(float h, float mu_s);
-
 /* A method that has multiple_table.glsl defines WITH_MULTIPLE: light scattered before is gathered at the same
  * nodes, and extinction is delta-scaled throughout, single scattering with its exact phase function
  * included (the TMS correction of Nakajima & Tanaka 1988). */
@@ -30,11 +28,13 @@ vec3 sun_column(float h, float mu_s);
 #define DEPTH optical_depth
 #endif
 
+const float NO_LIMIT = 1e30;
+
 struct ViewRay {
 	float h, mu;   /* start, inside the air */
 	float mu_s;    /* cosine between the sun and the vertical at the start */
 	float nu;      /* cosine between the ray and the sun */
-	float extent;  /* to the ground or to the top */
+	float extent;  /* to the ground, to the top, or as far as it is followed */
 };
 
 /* Where the ray is inside the planet's shadow: x to y, x >= y when nowhere. */
@@ -101,10 +101,52 @@ void integrate(inout Integral integral, ViewRay ray, Piece piece, bool lit, ivec
 	advance(integral, ray, piece.start + piece.extent, h, mu);
 }
 
+/* What of a ray from the camera lies inside the air, up to a distance. */
+struct Stretch {
+	ViewRay ray;
+	vec2 dark;     /* distances from the ray's start between which the planet hides the sun; ray.extent twice: nowhere */
+	float entered; /* from the camera to the ray's start */
+	float ground;  /* from the ray's start to the ground, whatever the limit; -1: it misses */
+};
+
+/* limit: distance from the camera, m. false: no air on the way. */
+bool find_stretch(vec3 view, vec3 vertical, vec3 to_sun, float h, float mu, float limit, out Stretch stretch)
+{
+	ViewRay ray;
+	ray.h = h;
+	ray.mu = mu;
+	stretch.entered = ray_enter(ray.h, ray.mu, length(cross(view, vertical)));
+	ray.nu = dot(view, to_sun);
+	float r_sun = (media.planet_radius + h) * dot(vertical, to_sun);
+	ray.mu_s = clamp((r_sun + max(stretch.entered, 0.0) * ray.nu) / (media.planet_radius + ray.h), -1.0, 1.0);
+	stretch.ground = ray_ground_distance(ray.h, ray.mu);
+	ray.extent = stretch.ground >= 0.0 ? stretch.ground : ray_top_distance(ray.h, ray.mu);
+	ray.extent = clamp(limit - stretch.entered, 0.0, ray.extent);
+	stretch.dark = shadow_interval(ray, view, to_sun);
+	if (stretch.dark.y <= stretch.dark.x)
+		stretch.dark = vec2(ray.extent);
+	stretch.ray = ray;
+	return stretch.entered >= 0.0;
+}
+
+Integral integral_at_start(ViewRay ray)
+{
+	Integral integral;
+	integral.column = vec3(0.0);
+	integral.t = 0.0;
+	integral.density = density_at(ray.h);
+	integral.slope = density_slope(ray.h, integral.density) * ray.mu;
+	integral.rayleigh = integral.aerosol = integral.multiple = vec4(0.0);
+	return integral;
+}
+
 /* All pieces, in one place of the code: llvmpipe runs both sides of every branch, so a copy costs what it would
  * if it were taken; loops it does leave. */
-void integrate_pieces(inout Integral integral, ViewRay ray, vec2 dark, float lowest)
+void integrate_pieces(inout Integral integral, Stretch stretch)
 {
+	ViewRay ray = stretch.ray;
+	vec2 dark = stretch.dark;
+	float lowest = clamp(-(media.planet_radius + ray.h) * ray.mu, 0.0, ray.extent);
 	vec3 cuts = vec3(min(lowest, dark.x), clamp(lowest, dark.x, dark.y), max(lowest, dark.y));
 	bvec3 inside = bvec3(uvec3(greaterThan(cuts, vec3(0.0))) & uvec3(lessThan(cuts, vec3(ray.extent))) &
 			     uvec3(greaterThan(cuts, vec3(0.0, cuts.xy))));
@@ -120,6 +162,18 @@ void integrate_pieces(inout Integral integral, ViewRay ray, vec2 dark, float low
 	}
 }
 
+/* Radiance per band of all but sunlight that the aerosol scattered once. */
+vec4 smooth_radiance(Integral integral, float nu)
+{
+	return bands.sun_irradiance * (bands.rayleigh * integral.rayleigh * phase_rayleigh(nu) + integral.multiple);
+}
+
+/* That sunlight, to be multiplied by the aerosol's phase function. */
+vec4 aerosol_irradiance(Integral integral)
+{
+	return bands.sun_irradiance * bands.aerosol_scattering * integral.aerosol;
+}
+
 /* What a ray brings to the camera, per band; the phase function of the aerosol is left to the caller,
  * since it is the one thing that varies too fast for a table of directions. */
 struct Scattered {
@@ -133,36 +187,15 @@ struct Scattered {
 Scattered scatter_along(vec3 view, vec3 vertical, vec3 to_sun, float h, float mu)
 {
 	Scattered result = Scattered(vec4(0.0), vec4(0.0), vec4(0.0), vec4(1.0));
-	float r = media.planet_radius + h, mu_s_camera = dot(vertical, to_sun);
-
-	ViewRay ray;
-	ray.h = h;
-	ray.mu = mu;
-	float entered = ray_enter(ray.h, ray.mu, length(cross(view, vertical)));
-	if (entered < 0.0)
+	Stretch stretch;
+	if (!find_stretch(view, vertical, to_sun, h, mu, NO_LIMIT, stretch))
 		return result;
-	ray.nu = dot(view, to_sun);
-	ray.mu_s = clamp((r * mu_s_camera + entered * ray.nu) / (media.planet_radius + ray.h), -1.0, 1.0);
-	float ground = ray_ground_distance(ray.h, ray.mu);
-	ray.extent = ground >= 0.0 ? ground : ray_top_distance(ray.h, ray.mu);
-
-	float lowest = clamp(-(media.planet_radius + ray.h) * ray.mu, 0.0, ray.extent);
-	vec2 dark = shadow_interval(ray, view, to_sun);
-	if (dark.y <= dark.x)
-		dark = vec2(ray.extent);
-
-	Integral integral;
-	integral.column = vec3(0.0);
-	integral.t = 0.0;
-	integral.density = density_at(ray.h);
-	integral.slope = density_slope(ray.h, integral.density) * ray.mu;
-	integral.rayleigh = integral.aerosol = integral.multiple = vec4(0.0);
-	integrate_pieces(integral, ray, dark, lowest);
-
-	result.smooth_part = bands.sun_irradiance *
-		(bands.rayleigh * integral.rayleigh * phase_rayleigh(ray.nu) + integral.multiple);
-	result.aerosol = bands.sun_irradiance * bands.aerosol_scattering * integral.aerosol;
-	if (ground < 0.0) {
+	ViewRay ray = stretch.ray;
+	Integral integral = integral_at_start(ray);
+	integrate_pieces(integral, stretch);
+	result.smooth_part = smooth_radiance(integral, ray.nu);
+	result.aerosol = aerosol_irradiance(integral);
+	if (stretch.ground < 0.0) {
 		result.T = exp(-optical_depth(integral.column));
 		return result;
 	}
@@ -171,7 +204,7 @@ Scattered scatter_along(vec3 view, vec3 vertical, vec3 to_sun, float h, float mu
 	if ((frame.features & FEATURE_GROUND) == 0)
 		return result;
 #endif
-	float mu_s = ((media.planet_radius + ray.h) * ray.mu_s + ground * ray.nu) / media.planet_radius;
+	float mu_s = ((media.planet_radius + ray.h) * ray.mu_s + ray.extent * ray.nu) / media.planet_radius;
 	vec4 E = mu_s > 0.0 ? mu_s * exp(-DEPTH(sun_column(0.0, min(mu_s, 1.0)))) : vec4(0.0);
 #ifdef WITH_MULTIPLE
 	E += multiple_ground_irradiance(clamp(mu_s, -1.0, 1.0));

@@ -5,7 +5,7 @@ layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec2 texture_coordinate;
 layout(location = 3) in float open;
-layout(location = 4) in uint material;
+layout(location = ATTRIBUTE_MATERIAL) in uint material;
 layout(location = LOCATION_ROWS) uniform vec4 rows[3];
 /* Where a triangle covers some samples of a pixel but not its centre, values are taken within the triangle; differences between
  * pixels need the plain ones. */
