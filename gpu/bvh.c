@@ -193,13 +193,13 @@ void bvh_free(struct bvh *bvh)
 
 /* ---- tracing, for tests ---- */
 
-static bool meets_box(
-	const struct bvh_child *child, const double origin[3], const double direction[3], double t_max)
+static bool meets_box(const struct bvh_child *child, const double origin[3], const double direction[3], double t_max)
 {
 	double near = 0, far = t_max;
 	for (int k = 0; k < 3; k++) {
 		const double inverse = 1 / direction[k];
-		double a = ((double)child->low[k] - origin[k]) * inverse, b = ((double)child->high[k] - origin[k]) * inverse;
+		double a = ((double)child->low[k] - origin[k]) * inverse,
+		       b = ((double)child->high[k] - origin[k]) * inverse;
 		if (isnan(a) || isnan(b)) /* in the plane of a face */
 			continue;
 		near = fmax(near, fmin(a, b));
@@ -222,8 +222,7 @@ static bool meets_triangle(const float corner[9], const double origin[3], const 
 	if (det == 0)
 		return false;
 	const double u = (s[0] * p[0] + s[1] * p[1] + s[2] * p[2]) / det;
-	const double q[3] = { s[1] * e1[2] - s[2] * e1[1], s[2] * e1[0] - s[0] * e1[2],
-		s[0] * e1[1] - s[1] * e1[0] };
+	const double q[3] = { s[1] * e1[2] - s[2] * e1[1], s[2] * e1[0] - s[0] * e1[2], s[0] * e1[1] - s[1] * e1[0] };
 	const double v = (d[0] * q[0] + d[1] * q[1] + d[2] * q[2]) / det;
 	const double at = (e2[0] * q[0] + e2[1] * q[1] + e2[2] * q[2]) / det;
 	if (!(u >= 0 && v >= 0 && u + v <= 1 && at > 0 && at <= *t))

@@ -149,10 +149,16 @@ void frame_finish(struct frame *frame, enum welkin_status status, const char *me
 		snprintf(r->message, sizeof r->message, "%s", message);
 }
 
+/* A frame with a scene costs more: it is learned apart. */
+static int cost_number(const struct frame *frame)
+{
+	return frame->job.request.atmosphere.method + (frame->scenery.mesh ? WELKIN_METHODS_MAX : 0);
+}
+
 static double cost_of(struct workspace *ws, const struct frame *frame, bool *known)
 {
 	const struct welkin_atmosphere *a = &frame->job.request.atmosphere;
-	const double cost = workspace_cost(ws, a->method, a->steps, a->light_steps);
+	const double cost = workspace_cost(ws, cost_number(frame), a->steps, a->light_steps);
 	*known = cost > 0;
 	return *known ? cost : ms_per_step * a->steps * a->light_steps;
 }
@@ -179,7 +185,7 @@ bool frame_settle(struct workspace *ws, struct frame *frame, int pixels, int bat
 	if (pixels == 0)
 		return true;
 	const struct welkin_atmosphere *a = &frame->job.request.atmosphere;
-	workspace_learn(ws, a->method, a->steps, a->light_steps, ms / pixels / batches, pixels);
+	workspace_learn(ws, cost_number(frame), a->steps, a->light_steps, ms / pixels / batches, pixels);
 	return true;
 }
 

@@ -79,8 +79,8 @@ enum table_state frame_tables(struct workspace *ws, const struct frame *frame, i
 bool image_start(struct workspace *ws, struct frame *frame, struct error *err);
 bool image_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
 bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
-/* The passes of a tile up to its radiance; samples NULL but for progressive methods (LOCATION_SAMPLES). false: no device
- * memory for it. */
+/* The passes of a tile up to its radiance; samples NULL but for progressive methods (LOCATION_SAMPLES). false: no
+ * device memory for it. */
 bool image_run_sky(struct workspace *ws, const struct frame *frame, const int tile[4], unsigned radiance,
 	const int samples[4], struct error *err);
 /* Goes on by that many directions of the batch in hand. */

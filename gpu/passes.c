@@ -28,8 +28,8 @@ _Static_assert(sizeof(struct SurfacesBlock) <= SURFACES_STRIDE, "SurfacesBlock o
 _Static_assert(sizeof(struct FittedBlock) <= FITTED_STRIDE, "FittedBlock outgrew its slot");
 
 struct passes {
-	bool synchronous;
-	unsigned blocks, nodes; /* buffers */
+	bool synchronous, drawn; /* drawn: in this slice */
+	unsigned blocks, nodes;  /* buffers */
 	int n_nodes;
 	float (*node_copy)[2]; /* what the device has, to leave out uploads of the same */
 	int n;                 /* passes in this slice */
@@ -99,8 +99,8 @@ static void bind_storage(const struct passes *passes, const unsigned storage[PAS
 	memcpy(ids, storage, sizeof ids);
 	ids[BIND_NODES] = passes->nodes;
 	glBindBuffersBase(GL_SHADER_STORAGE_BUFFER, 0, PASS_STORAGE, ids);
-	glBindBufferRange(GL_UNIFORM_BUFFER, BIND_SURFACES_BLOCK, passes->blocks, OFFSET_SURFACES,
-		sizeof(struct SurfacesBlock));
+	glBindBufferRange(
+		GL_UNIFORM_BUFFER, BIND_SURFACES_BLOCK, passes->blocks, OFFSET_SURFACES, sizeof(struct SurfacesBlock));
 }
 
 static void bind(const struct passes *passes, const struct pass *pass)
@@ -161,7 +161,8 @@ void passes_run(struct passes *passes, const struct pass *pass)
 	bind(passes, pass);
 	const double start = begin_timing(passes);
 	glDispatchCompute(groups(pass, 0), groups(pass, 1), groups(pass, 2));
-	/* Whatever the pass wrote, the next may read as buffer, image, texture or vertices, and we through a mapping. */
+	/* Whatever the pass wrote, the next may read as buffer, image, texture or vertices, and we through a mapping.
+	 */
 	glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_TEXTURE_FETCH_BARRIER_BIT |
 			GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT |
 			GL_VERTEX_ATTRIB_ARRAY_BARRIER_BIT);
@@ -197,12 +198,11 @@ void passes_draw(struct passes *passes, const struct draw *draw)
 	if (draw->program->has_rows)
 		glUniform4fv(LOCATION_ROWS, 3, draw->rows[0]);
 	glBindVertexArray(draw->vertex_array);
-	for (int i = 0, first = 0; i < draw->list->n_runs; first += draw->list->runs[i++].n) {
-		glVertexAttribI1ui(ATTRIBUTE_MATERIAL, draw->list->runs[i].material);
-		glMultiDrawElements(GL_TRIANGLES, draw->list->counts + first, GL_UNSIGNED_INT,
-			draw->list->offsets + first, draw->list->runs[i].n);
-	}
+	glMultiDrawElements(GL_TRIANGLES, draw->list->counts, GL_UNSIGNED_INT, draw->list->offsets, draw->list->n);
 	glDisable(GL_SCISSOR_TEST);
+	passes->drawn = true;
+	if (passes->synchronous)
+		glFinish(); /* it would be drawn when a later pass reads it, and count as that one's time */
 	end_timing(passes, draw->name, start);
 }
 
@@ -242,12 +242,14 @@ bool passes_finish(struct passes *passes, struct pass_log *log, struct error *er
 	for (int i = 0; i < passes->n; i++, before = after) {
 		glGetQueryObjectui64v(passes->queries[i + 1], GL_QUERY_RESULT, &after);
 		double ms = (double)(after - before) * 1e-6;
-		if (after <= before)
+		/* once llvmpipe has drawn, it takes timestamps when it next draws, not when they are asked for */
+		if (after <= before || (passes->synchronous && passes->drawn))
 			ms = passes->clock_ms[i];
 		if (log)
 			pass_log_add(log, passes->names[i], ms);
 	}
 	passes->n = 0;
+	passes->drawn = false;
 	const char *trouble = device_trouble();
 	if (trouble || !waited)
 		return error_set(err, "the context failed: %s", trouble ? trouble : "waiting for the device");

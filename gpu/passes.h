@@ -52,16 +52,11 @@ void passes_texture(struct passes *passes, unsigned unit, unsigned texture);
 
 void passes_run(struct passes *passes, const struct pass *pass);
 
-/* Stretches of an index buffer of uint32, those of one material together. (Indirect draws would be the plain way, but llvmpipe waits
- * for itself at each.) */
+/* Stretches of triangles in an index buffer of uint32. */
 struct draw_list {
-	int n, n_runs;
-	int *counts;          /* indices of each stretch */
-	const void **offsets; /* its first in the index buffer, in bytes */
-	struct draw_run {
-		unsigned material; /* attribute ATTRIBUTE_MATERIAL */
-		int n;             /* stretches */
-	} *runs;
+	int n;
+	int *counts;          /* indices of each */
+	const void **offsets; /* its first, in bytes from the start of the buffer */
 };
 
 /* Draws indexed triangles. */
@@ -70,12 +65,12 @@ struct draw {
 	const struct program *program;
 	unsigned framebuffer, vertex_array;
 	const struct draw_list *list;
-	int viewport[4];          /* x, y, width, height */
-	float rows[3][4];         /* LOCATION_ROWS */
+	int viewport[4];  /* x, y, width, height */
+	float rows[3][4]; /* LOCATION_ROWS */
 	unsigned storage[PASS_STORAGE];
-	bool clear;               /* the viewport first: colours 0, depth its far end */
-	bool reversed;            /* 1 is near, 0 infinitely far */
-	float slope_bias, bias;   /* as glPolygonOffset takes them */
+	bool clear;             /* the viewport first: colours 0, depth its far end */
+	bool reversed;          /* 1 is near, 0 infinitely far */
+	float slope_bias, bias; /* as glPolygonOffset takes them */
 };
 void passes_draw(struct passes *passes, const struct draw *draw);
 

@@ -108,6 +108,36 @@ static void plan_output(struct plan *plan, const struct welkin_request *request)
 	}
 }
 
+/* Is the sun up for the highest point of a mesh whose surfaces are in the plan? */
+static bool sun_reaches(const struct welkin_job *job, const struct mesh_header *mesh)
+{
+	const struct welkin_request *r = &job->request;
+	const double R = r->atmosphere.planet_radius_m;
+	double center[3];
+	const double radius = placing_sphere(mesh, r, center);
+	const double up[3] = { center[0], center[1] + R, center[2] },
+		     from = sqrt(up[0] * up[0] + up[1] * up[1] + up[2] * up[2]);
+	const double high = fmax((double)mesh->high[1] * r->scene.scale + r->scene.altitude_m, 0);
+	const double elevation = r->sun.elevation_deg * (M_PI / 180), azimuth = r->sun.azimuth_deg * (M_PI / 180);
+	const double sun[3] = { sin(azimuth) * cos(elevation), sin(elevation), -cos(azimuth) * cos(elevation) };
+	const double sine = (sun[0] * up[0] + sun[1] * up[1] + sun[2] * up[2]) / from;
+	return asin(sine) > -acos(R / (R + high)) - radius / from - margin;
+}
+
+static void plan_shadows(struct plan *plan, const struct welkin_job *job, const struct mesh_header *mesh)
+{
+	static const char pass[] = "shadow-map", *const filters[] = { "one comparison", "bilinear", "gaussian",
+		"variance" };
+	if (job->request.scene.shadow == WELKIN_SHADOW_OFF)
+		planner_note(plan, pass, false, "not asked for");
+	else if (!sun_reaches(job, mesh))
+		planner_note(plan, pass, false, "the sun is below every point's horizon");
+	else {
+		plan->features |= FEATURE_SHADOWS;
+		planner_note(plan, pass, true, "the sun is up, filter %s", filters[job->request.scene.shadow]);
+	}
+}
+
 /* Lets the scene in where the view may see it. */
 static void plan_surfaces(struct plan *plan, const struct welkin_job *job, const struct mesh_header *mesh,
 	const struct method *method, const struct view_cone *view)
@@ -126,12 +156,15 @@ static void plan_surfaces(struct plan *plan, const struct welkin_job *job, const
 		(float)(center[2] / distance) };
 	if (mesh->n_indices == 0)
 		planner_note(plan, pass, false, "the scene has no triangles");
-	else if (distance > radius && view_angle(view->axis, towards) > view->half_angle + asin(radius / distance) + margin)
+	else if (distance > radius &&
+		 view_angle(view->axis, towards) > view->half_angle + asin(radius / distance) + margin)
 		planner_note(plan, pass, false, "the scene is out of view");
 	else {
 		plan->features |= method->progressive ? FEATURE_TRACED : FEATURE_SURFACES;
 		planner_note(plan, pass, true, "%u triangles%s", mesh->n_indices / 3,
 			method->progressive ? ", met by paths" : "");
+		if (!method->progressive)
+			plan_shadows(plan, job, mesh);
 	}
 }
 

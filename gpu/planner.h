@@ -2,8 +2,8 @@
 #define WELKIN_GPU_PLANNER_H
 
 #include "gpu/job.h"
-#include "gpu/method.h"
 #include "gpu/mesh.h"
+#include "gpu/method.h"
 #include "gpu/scene.h"
 
 /*

@@ -3,8 +3,9 @@
 
 #include "api/error.h"
 
-/* Programs by the name of their file below shaders/, compiled on first use and kept until destroyed: "methods/march.comp" is
- * a compute program, "surfaces.vert" that vertex shader and the fragment shader of the same name. */
+/* Programs by the name of their file below shaders/, compiled on first use and kept until destroyed:
+ * "methods/march.comp" is a compute program, "surfaces.vert" that vertex shader and the fragment shader of the same
+ * name. */
 struct programs;
 
 /* shader_dir: where to read the files from, "" for those embedded in the binary. NULL: no memory. */
@@ -15,8 +16,8 @@ struct program {
 	char name[64]; /* with its choices */
 	unsigned id;
 	int group[3]; /* local size; 0 of a program that draws */
-	bool has_tile, has_batch, has_iteration, has_samples, has_planes, has_white,
-		has_rows, has_box; /* which plain uniforms of shared.h it uses */
+	bool has_tile, has_batch, has_iteration, has_samples, has_planes, has_white, has_rows,
+		has_box; /* which plain uniforms of shared.h it uses */
 };
 
 /* Adds a file that is in memory: `name` is how programs_get() and #include lines know it, in front of all others;

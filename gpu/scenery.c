@@ -1,6 +1,7 @@
 #include "gpu/scenery.h"
 
 #include "gpu/frame.h"
+#include "gpu/shadow.h"
 #include "gpu/sky_tables.h"
 
 #include <math.h>
@@ -16,52 +17,19 @@ bool scenery_find(struct workspace *ws, struct frame *f, struct error *err)
 	return f->scenery.mesh || error_set(err, "the scene is not there");
 }
 
+/* llvmpipe filters anisotropically at ten times the cost of the whole pass without. */
+static int anisotropy(const struct workspace *ws)
+{
+	return ws->device->info.software ? 1 : 8;
+}
+
 /* Only what is drawn straight can be drawn by a raster pass. */
 static bool draws(const struct frame *f)
 {
 	const int projection = f->job.request.image.projection;
-	return f->job.kind == WELKIN_JOB_IMAGE && (projection == WELKIN_PERSPECTIVE || projection == WELKIN_CUBE_FACE ||
-							  projection == WELKIN_CUBEMAP);
+	return f->job.kind == WELKIN_JOB_IMAGE &&
+	       (projection == WELKIN_PERSPECTIVE || projection == WELKIN_CUBE_FACE || projection == WELKIN_CUBEMAP);
 }
-
-bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
-{
-	struct scenery *s = &f->scenery;
-	if (!(f->plan.features & (FEATURE_SURFACES | FEATURE_TRACED))) {
-		s->mesh = NULL;
-		return true;
-	}
-	s->surfaces = surfaces_need(ws->tables, s->mesh, &f->job.request, err);
-	if (!s->surfaces)
-		return false;
-	surfaces_prepare(&f->scene.surfaces, &f->job.request, s->surfaces->low, s->surfaces->high);
-	if (f->plan.features & FEATURE_TRACED)
-		return true;
-	if (draws(f)) {
-		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
-		s->gather = programs_get(ws->programs, "surfaces_gather.comp", "", err);
-	} else {
-		s->cast = programs_get(ws->programs, "surfaces_cast.comp", "", err);
-	}
-	s->light = programs_get(ws->programs, "surfaces.comp", "", err);
-	return ((s->draw && s->gather) || s->cast) && s->light;
-}
-
-enum table_state scenery_bind(struct workspace *ws, struct frame *f, struct error *err)
-{
-	struct scenery *s = &f->scenery;
-	if (!s->mesh)
-		return TABLE_READY;
-	s->surfaces = surfaces_need(ws->tables, s->mesh, &f->job.request, err);
-	return s->surfaces ? TABLE_READY : TABLE_FAILED;
-}
-
-enum table_state scenery_tables(struct workspace *ws, const struct frame *f, int batch, struct error *err)
-{
-	return f->scenery.light ? need_multiple(ws->tables, &f->scene, batch, err) : TABLE_READY;
-}
-
-/* ---- records ---- */
 
 /* The camera's axes turned to a cube's face: right, up, forward as multiples of the camera's. */
 static const signed char face_axes[6][3][3] = {
@@ -84,6 +52,71 @@ static void turn_to_face(const struct FrameBlock *frame, int face, struct surfac
 				out[axis][k] += face_axes[face][axis][c] * (double)camera[c][k];
 		}
 }
+
+/* What a view that is one window sees; false for others. */
+static bool whole_window(const struct frame *f, struct surfaces_window *w)
+{
+	const struct FrameBlock *frame = &f->scene.frame;
+	const bool face = frame->projection == PROJECTION_CUBE_FACE;
+	if (f->job.kind != WELKIN_JOB_IMAGE || !(face || frame->projection == PROJECTION_PERSPECTIVE))
+		return false;
+	*w = (struct surfaces_window){ .center = { frame->width / 2.0, frame->height / 2.0 },
+		.box = { 0, 0, frame->width, frame->height } };
+	w->f[0] = face ? frame->width / 2.0 : frame->height / 2.0 / (double)frame->tan_half_fov;
+	w->f[1] = face ? frame->height / 2.0 : w->f[0];
+	turn_to_face(frame, face ? frame->cube_face : FACE_FRONT, w);
+	return true;
+}
+
+bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
+{
+	struct scenery *s = &f->scenery;
+	if (!(f->plan.features & (FEATURE_SURFACES | FEATURE_TRACED))) {
+		s->mesh = NULL;
+		return true;
+	}
+	s->surfaces = surfaces_need(ws->tables, s->mesh, &f->job.request, anisotropy(ws), err);
+	if (!s->surfaces)
+		return false;
+	surfaces_prepare(&f->scene.surfaces, &f->job.request, s->surfaces->low, s->surfaces->high);
+	if (f->plan.features & FEATURE_TRACED)
+		return true;
+	struct surfaces_window window;
+	const bool one = whole_window(f, &window);
+	shadow_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
+	if (draws(f)) {
+		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
+		s->gather = programs_get(ws->programs, "surfaces_gather.comp", "", err);
+	}
+	s->cast = programs_get(ws->programs, "surfaces_cast.comp", "", err);
+	s->light = programs_get(
+		ws->programs, "surfaces.comp", f->method->single_scattering ? "AERIAL_MARCH=1" : "AERIAL_MARCH=0", err);
+	return (!draws(f) || (s->draw && s->gather)) && s->cast && s->light;
+}
+
+enum table_state scenery_bind(struct workspace *ws, struct frame *f, struct error *err)
+{
+	struct scenery *s = &f->scenery;
+	if (!s->mesh)
+		return TABLE_READY;
+	s->surfaces = surfaces_need(ws->tables, s->mesh, &f->job.request, anisotropy(ws), err);
+	if (!s->surfaces)
+		return TABLE_FAILED;
+	const bool shadows = f->scene.frame.features & FEATURE_SHADOWS;
+	return !shadows || shadow_need(ws->tables, ws->passes, ws->programs, s->surfaces, &f->scene.surfaces, err)
+		       ? TABLE_READY
+		       : TABLE_FAILED;
+}
+
+enum table_state scenery_tables(struct workspace *ws, const struct frame *f, int batch, struct error *err)
+{
+	if (!f->scenery.light)
+		return TABLE_READY;
+	return f->method->single_scattering ? need_multiple(ws->tables, &f->scene, batch, err)
+					    : need_aerial(ws->tables, &f->scene, batch, err);
+}
+
+/* ---- records ---- */
 
 /* Draws what one window sees; tile: where the raster's first pixel lies in the image. */
 static void draw_window(
@@ -139,16 +172,11 @@ static void draw_cross(struct workspace *ws, const struct frame *f, const int ti
 
 static void draw_tile(struct workspace *ws, const struct frame *f, const int tile[4])
 {
-	const struct FrameBlock *frame = &f->scene.frame;
-	if (frame->projection == PROJECTION_CUBEMAP) {
+	struct surfaces_window w;
+	if (!whole_window(f, &w)) {
 		draw_cross(ws, f, tile);
 		return;
 	}
-	struct surfaces_window w = { .center = { frame->width / 2.0, frame->height / 2.0 } };
-	const bool face = frame->projection == PROJECTION_CUBE_FACE;
-	w.f[0] = face ? frame->width / 2.0 : frame->height / 2.0 / (double)frame->tan_half_fov;
-	w.f[1] = face ? frame->height / 2.0 : w.f[0];
-	turn_to_face(frame, face ? frame->cube_face : FACE_FRONT, &w);
 	memcpy(w.box, tile, sizeof w.box);
 	draw_window(ws, f, tile, &w);
 }
@@ -162,11 +190,13 @@ bool scenery_records(struct workspace *ws, const struct frame *f, const int tile
 	if (!workspace_reserve(&ws->surface, (size_t)pixels * 16, false, err))
 		return false;
 	struct pass pass = { .name = "surfaces-gather", .program = s->gather, .threads = { tile[2], tile[3], 1 } };
-	if (s->draw) {
+	/* for the few pixels of the meter, rays are cheaper than a look at every triangle */
+	if (s->draw && f->stage != FRAME_METER) {
 		if (!workspace_reserve_raster(ws, tile[2], tile[3], err))
 			return false;
 		draw_tile(ws, f, tile);
 		passes_texture(ws->passes, UNIT_RASTER, ws->raster.color);
+		surfaces_bind(s->surfaces, ws->passes, pass.storage);
 	} else {
 		pass.name = "surfaces-cast";
 		pass.program = s->cast;
@@ -181,16 +211,15 @@ bool scenery_records(struct workspace *ws, const struct frame *f, const int tile
 	return true;
 }
 
-void scenery_light(struct workspace *ws, const struct frame *f, const int tile[4], int batch,
-	const unsigned storage[PASS_STORAGE])
+void scenery_light(
+	struct workspace *ws, const struct frame *f, const int tile[4], int batch, const unsigned storage[PASS_STORAGE])
 {
 	const struct scenery *s = &f->scenery;
 	if (!s->light)
 		return;
-	struct pass pass = { .name = "surfaces",
-		.program = s->light,
-		.batch = batch,
-		.threads = { tile[2] * tile[3], 1, 1 } };
+	struct pass pass = {
+		.name = "surfaces", .program = s->light, .batch = batch, .threads = { tile[2] * tile[3], 1, 1 }
+	};
 	memcpy(pass.tile, tile, sizeof pass.tile);
 	memcpy(pass.storage, storage, sizeof pass.storage);
 	surfaces_bind(s->surfaces, ws->passes, pass.storage);

@@ -40,7 +40,8 @@ static void resize(const uint8_t *from, int fw, int fh, uint8_t *to, int tw, int
 						sum[c] += from[4 * ((size_t)v * (size_t)fw + (size_t)u) + (size_t)c];
 			const uint32_t n = (uint32_t)((x1 - x0) * (y1 - y0));
 			for (int c = 0; c < 4; c++)
-				to[4 * ((size_t)y * (size_t)tw + (size_t)x) + (size_t)c] = (uint8_t)((sum[c] + n / 2) / n);
+				to[4 * ((size_t)y * (size_t)tw + (size_t)x) + (size_t)c] =
+					(uint8_t)((sum[c] + n / 2) / n);
 		}
 }
 
@@ -62,15 +63,15 @@ static struct array shape(const struct mesh_header *mesh, bool as_albedo)
 	return a;
 }
 
-static void configure(const struct array *a)
+static void configure(const struct array *a, int anisotropy)
 {
 	glTextureParameteri(a->id, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
 	glTextureParameteri(a->id, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
 	glTextureParameteri(a->id, GL_TEXTURE_WRAP_S, GL_REPEAT);
 	glTextureParameteri(a->id, GL_TEXTURE_WRAP_T, GL_REPEAT);
-	if (epoxy_has_gl_extension("GL_EXT_texture_filter_anisotropic") ||
-		epoxy_has_gl_extension("GL_ARB_texture_filter_anisotropic"))
-		glTextureParameterf(a->id, GL_TEXTURE_MAX_ANISOTROPY_EXT, 8);
+	if (anisotropy > 1 && (epoxy_has_gl_extension("GL_EXT_texture_filter_anisotropic") ||
+				      epoxy_has_gl_extension("GL_ARB_texture_filter_anisotropic")))
+		glTextureParameterf(a->id, GL_TEXTURE_MAX_ANISOTROPY_EXT, (float)anisotropy);
 }
 
 static bool fill(const struct mesh_header *mesh, const struct array *a, bool as_albedo)
@@ -85,15 +86,14 @@ static bool fill(const struct mesh_header *mesh, const struct array *a, bool as_
 			resize(from, (int)t->width, (int)t->height, pixels, a->width, a->height);
 			from = pixels;
 		}
-		glTextureSubImage3D(
-			a->id, 0, 0, 0, (int)i, a->width, a->height, 1, GL_RGBA, GL_UNSIGNED_BYTE, from);
+		glTextureSubImage3D(a->id, 0, 0, 0, (int)i, a->width, a->height, 1, GL_RGBA, GL_UNSIGNED_BYTE, from);
 	}
 	const bool ok = pixels != NULL;
 	free(pixels);
 	return ok;
 }
 
-static bool create(const struct mesh_header *mesh, bool as_albedo, unsigned *id, double *bytes)
+static bool create(const struct mesh_header *mesh, bool as_albedo, int anisotropy, unsigned *id, double *bytes)
 {
 	struct array a = shape(mesh, as_albedo);
 	const int longest = a.width > a.height ? a.width : a.height, levels = 1 + (int)floor(log2(longest));
@@ -102,7 +102,7 @@ static bool create(const struct mesh_header *mesh, bool as_albedo, unsigned *id,
 	glTextureStorage3D(a.id, levels, as_albedo ? GL_SRGB8_ALPHA8 : GL_RGBA8, a.width, a.height, a.layers);
 	if (glGetError() != GL_NO_ERROR)
 		return false;
-	configure(&a);
+	configure(&a, anisotropy);
 	if (!fill(mesh, &a, as_albedo))
 		return false;
 	glGenerateTextureMipmap(a.id);
@@ -110,7 +110,8 @@ static bool create(const struct mesh_header *mesh, bool as_albedo, unsigned *id,
 	return true;
 }
 
-bool surface_textures_create(const struct mesh_header *mesh, unsigned *albedo, unsigned *normal, double *bytes)
+bool surface_textures_create(
+	const struct mesh_header *mesh, int anisotropy, unsigned *albedo, unsigned *normal, double *bytes)
 {
-	return create(mesh, true, albedo, bytes) && create(mesh, false, normal, bytes);
+	return create(mesh, true, anisotropy, albedo, bytes) && create(mesh, false, anisotropy, normal, bytes);
 }

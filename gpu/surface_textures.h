@@ -8,8 +8,10 @@
 /*
  * A mesh's textures as two arrays on the device, one read as sRGB colours, one as numbers (normal maps), with a layer
  * for every texture: so that a ray may meet any material. All are brought to the size of the largest, halved until both
- * arrays fit into some memory. Mip-maps, anisotropic filter, repeated. *bytes grows by what they take.
+ * arrays fit into some memory. Mip-maps, repeated; anisotropy: most samples along a footprint, 1 for none. *bytes grows
+ * by what they take.
  */
-bool surface_textures_create(const struct mesh_header *mesh, unsigned *albedo, unsigned *normal, double *bytes);
+bool surface_textures_create(
+	const struct mesh_header *mesh, int anisotropy, unsigned *albedo, unsigned *normal, double *bytes);
 
 #endif

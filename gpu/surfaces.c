@@ -29,6 +29,7 @@ struct key {
 struct build {
 	const struct mesh_header *mesh;
 	struct surfaces *s;
+	int anisotropy;
 	struct mesh_vertex *vertices;
 	uint32_t n; /* triangles */
 	uint32_t (*triangles)[3];
@@ -40,7 +41,8 @@ struct build {
 static void destroy(void *object)
 {
 	struct surfaces *s = object;
-	const unsigned buffers[] = { s->vertices, s->indices, s->materials, s->nodes, s->triangles, s->ambient };
+	const unsigned buffers[] = { s->vertices, s->drawn, s->indices, s->materials, s->nodes, s->triangles,
+		s->ambient };
 	const unsigned textures[] = { s->albedo, s->normal };
 	glDeleteBuffers(sizeof buffers / sizeof buffers[0], buffers);
 	glDeleteTextures(2, textures);
@@ -48,7 +50,6 @@ static void destroy(void *object)
 	free(s->clusters);
 	free(s->list.counts);
 	free(s->list.offsets);
-	free(s->list.runs);
 	free(s);
 }
 
@@ -97,13 +98,13 @@ static void find_bounds(struct build *b)
 
 /* ---- clusters ---- */
 
-static void bound_cluster(const struct build *b, const uint32_t *list, uint32_t n, struct surfaces_cluster *c)
+static void bound_cluster(const struct build *b, struct surfaces_cluster *c)
 {
 	float low[3] = { INFINITY, INFINITY, INFINITY }, high[3] = { -INFINITY, -INFINITY, -INFINITY };
-	for (uint32_t i = 0; i < n; i++)
+	for (uint32_t i = c->first; i < c->first + c->n; i++)
 		for (int k = 0; k < 9; k++) {
-			low[k % 3] = fminf(low[k % 3], b->corners[list[i]][k]);
-			high[k % 3] = fmaxf(high[k % 3], b->corners[list[i]][k]);
+			low[k % 3] = fminf(low[k % 3], b->corners[b->bvh.order[i]][k]);
+			high[k % 3] = fmaxf(high[k % 3], b->corners[b->bvh.order[i]][k]);
 		}
 	c->radius = 0;
 	for (int k = 0; k < 3; k++) {
@@ -113,50 +114,20 @@ static void bound_cluster(const struct build *b, const uint32_t *list, uint32_t 
 	c->radius = sqrtf(c->radius);
 }
 
-/* Triangles by material and, within one, as the hierarchy has them, so that neighbours stay together. */
-static uint32_t *sort_by_material(const struct build *b)
-{
-	uint32_t *starts = calloc(b->mesh->n_materials + 1, sizeof *starts);
-	uint32_t *sorted = malloc((b->n + 1) * sizeof *sorted);
-	if (!starts || !sorted) {
-		free(starts);
-		free(sorted);
-		return NULL;
-	}
-	for (uint32_t i = 0; i < b->n; i++)
-		starts[b->materials[i] + 1]++;
-	for (uint32_t m = 0; m < b->mesh->n_materials; m++)
-		starts[m + 1] += starts[m];
-	for (uint32_t i = 0; i < b->n; i++) {
-		const uint32_t triangle = b->bvh.order[i];
-		sorted[starts[b->materials[triangle]]++] = triangle;
-	}
-	free(starts);
-	return sorted;
-}
-
-static bool make_clusters(struct build *b, uint32_t *indices)
+static bool make_clusters(struct build *b)
 {
 	struct surfaces *s = b->s;
-	uint32_t *sorted = sort_by_material(b);
-	s->clusters = calloc(b->n / CLUSTER_TRIANGLES + b->mesh->n_materials + 1, sizeof *s->clusters);
-	if (!sorted || !s->clusters) {
-		free(sorted);
-		return false;
+	s->n_clusters = (b->n + CLUSTER_TRIANGLES - 1) / CLUSTER_TRIANGLES;
+	s->clusters = calloc(s->n_clusters + 1, sizeof *s->clusters);
+	s->list.counts = calloc(s->n_clusters + 1, sizeof *s->list.counts);
+	s->list.offsets = calloc(s->n_clusters + 1, sizeof *s->list.offsets);
+	for (uint32_t i = 0; s->clusters && i < s->n_clusters; i++) {
+		struct surfaces_cluster *c = &s->clusters[i];
+		c->first = i * CLUSTER_TRIANGLES;
+		c->n = b->n - c->first < CLUSTER_TRIANGLES ? b->n - c->first : CLUSTER_TRIANGLES;
+		bound_cluster(b, c);
 	}
-	for (uint32_t first = 0, n; first < b->n; first += n) {
-		const uint32_t material = b->materials[sorted[first]];
-		for (n = 0; n < CLUSTER_TRIANGLES && first + n < b->n; n++) {
-			if (b->materials[sorted[first + n]] != material)
-				break;
-			memcpy(indices + 3 * (first + n), b->triangles[sorted[first + n]], 3 * sizeof *indices);
-		}
-		struct surfaces_cluster *c = &s->clusters[s->n_clusters++];
-		*c = (struct surfaces_cluster){ .first_index = 3 * first, .n_indices = 3 * n, .material = material };
-		bound_cluster(b, sorted + first, n, c);
-	}
-	free(sorted);
-	return true;
+	return s->clusters && s->list.counts && s->list.offsets;
 }
 
 /* ---- to the device ---- */
@@ -175,13 +146,55 @@ static unsigned upload(struct surfaces *s, const void *data, size_t size)
 	return id;
 }
 
+/*
+ * What is drawn: positions of which the first n speak for one triangle each, whose last corner they are, so that a flat
+ * output of the vertex' number tells triangles apart. (gl_PrimitiveID would, too, but makes llvmpipe take primitives
+ * apart one by one, at eight times the cost.) The other corners are any position of the same vertex, one used lately
+ * before others.
+ */
+static bool upload_drawn(struct build *b)
+{
+	struct surfaces *s = b->s;
+	const uint32_t none = UINT32_MAX, vertices = b->mesh->n_vertices;
+	uint32_t *entry = malloc(vertices * sizeof *entry + 1),
+		 *indices = malloc((size_t)b->n * 3 * sizeof *indices + 1);
+	float(*positions)[3] = malloc(((size_t)b->n + vertices) * sizeof *positions + 1);
+	uint32_t n = b->n;
+	for (uint32_t i = 0; entry && i < vertices; i++)
+		entry[i] = none;
+	for (uint32_t i = 0; entry && indices && positions && i < b->n; i++) {
+		const uint32_t *t = b->triangles[b->bvh.order[i]];
+		int last = 2; /* the corner to speak for it: one that has no position yet */
+		while (last > 0 && entry[t[last]] != none)
+			last--;
+		entry[t[last]] = i;
+		memcpy(positions[i], b->vertices[t[last]].position, sizeof positions[0]);
+		for (int k = 0; k < 3; k++) {
+			const uint32_t vertex = t[(last + 1 + k) % 3];
+			if (entry[vertex] == none) {
+				memcpy(positions[n], b->vertices[vertex].position, sizeof positions[0]);
+				entry[vertex] = n++;
+			}
+			indices[3 * i + (uint32_t)k] = k == 2 ? i : entry[vertex];
+		}
+	}
+	const bool ok = entry && indices && positions;
+	if (ok) {
+		s->drawn = upload(s, positions, n * sizeof *positions);
+		s->indices = upload(s, indices, (size_t)b->n * 3 * sizeof *indices);
+	}
+	free(entry);
+	free(indices);
+	free(positions);
+	return ok;
+}
+
 static void upload_triangles(struct build *b, struct device_triangle *list)
 {
 	for (uint32_t i = 0; i < b->n; i++) {
 		const uint32_t triangle = b->bvh.order[i], material = b->materials[triangle];
 		for (int k = 0; k < 3; k++) {
-			const uint32_t word =
-				b->triangles[triangle][k] | (material >> (8 * k) & 0xff) << VERTEX_BITS;
+			const uint32_t word = b->triangles[triangle][k] | (material >> (8 * k) & 0xff) << VERTEX_BITS;
 			memcpy(list[i].corner[k], b->corners[triangle] + 3 * k, 3 * sizeof(float));
 			memcpy(&list[i].corner[k][3], &word, sizeof word);
 		}
@@ -211,55 +224,34 @@ static bool upload_materials(struct build *b)
 	return ok;
 }
 
-/* Attributes 0 to 3: position, normal, texture coordinate, open sky; the material is the same for a draw. */
 static void make_vertex_array(struct surfaces *s)
 {
-	static const struct {
-		int size, offset;
-	} attributes[] = { { 3, 0 }, { 3, 12 }, { 2, 24 } };
 	glCreateVertexArrays(1, &s->vertex_array);
-	const unsigned v = s->vertex_array;
-	glVertexArrayVertexBuffer(v, 0, s->vertices, 0, VERTEX_FLOATS * sizeof(float));
-	glVertexArrayVertexBuffer(v, 1, s->ambient, 0, sizeof(float));
-	glVertexArrayElementBuffer(v, s->indices);
-	for (unsigned i = 0; i < 3; i++) {
-		glEnableVertexArrayAttrib(v, i);
-		glVertexArrayAttribFormat(
-			v, i, attributes[i].size, GL_FLOAT, GL_FALSE, (unsigned)attributes[i].offset);
-		glVertexArrayAttribBinding(v, i, 0);
-	}
-	glEnableVertexArrayAttrib(v, 3);
-	glVertexArrayAttribFormat(v, 3, 1, GL_FLOAT, GL_FALSE, 0);
-	glVertexArrayAttribBinding(v, 3, 1);
-}
-
-static bool make_list(struct surfaces *s)
-{
-	s->list.counts = calloc(s->n_clusters + 1, sizeof *s->list.counts);
-	s->list.offsets = calloc(s->n_clusters + 1, sizeof *s->list.offsets);
-	s->list.runs = calloc(s->n_materials + 1, sizeof *s->list.runs);
-	return s->list.counts && s->list.offsets && s->list.runs;
+	glVertexArrayVertexBuffer(s->vertex_array, 0, s->drawn, 0, 3 * sizeof(float));
+	glVertexArrayElementBuffer(s->vertex_array, s->indices);
+	glEnableVertexArrayAttrib(s->vertex_array, 0);
+	glVertexArrayAttribFormat(s->vertex_array, 0, 3, GL_FLOAT, GL_FALSE, 0);
+	glVertexArrayAttribBinding(s->vertex_array, 0, 0);
 }
 
 static bool to_device(struct build *b)
 {
 	struct surfaces *s = b->s;
-	uint32_t *indices = malloc((size_t)b->n * 3 * sizeof *indices + 1);
+	const uint32_t vertices = b->mesh->n_vertices;
 	struct device_triangle *triangles = malloc(b->n * sizeof *triangles + 1);
-	float *open = calloc(b->mesh->n_vertices + 1, sizeof *open);
-	bool ok = indices && triangles && open && make_clusters(b, indices) && upload_materials(b);
+	float *open = malloc(vertices * sizeof *open + 1);
+	bool ok = triangles && open && make_clusters(b) && upload_materials(b) && upload_drawn(b);
 	if (ok) {
-		_Static_assert(sizeof(struct mesh_vertex) == VERTEX_FLOATS * sizeof(float), "mesh_vertex as kernels read it");
-		s->vertices = upload(s, b->vertices, b->mesh->n_vertices * sizeof *b->vertices);
-		s->indices = upload(s, indices, (size_t)b->n * 3 * sizeof *indices);
+		_Static_assert(
+			sizeof(struct mesh_vertex) == VERTEX_FLOATS * sizeof(float), "mesh_vertex as kernels read it");
+		s->vertices = upload(s, b->vertices, vertices * sizeof *b->vertices);
 		upload_triangles(b, triangles);
-		for (uint32_t i = 0; i < b->mesh->n_vertices; i++)
+		for (uint32_t i = 0; i < vertices; i++)
 			open[i] = 1;
-		s->ambient = upload(s, open, b->mesh->n_vertices * sizeof *open);
+		s->ambient = upload(s, open, vertices * sizeof *open);
 		make_vertex_array(s);
-		ok = make_list(s) && surface_textures_create(b->mesh, &s->albedo, &s->normal, &s->bytes);
+		ok = surface_textures_create(b->mesh, b->anisotropy, &s->albedo, &s->normal, &s->bytes);
 	}
-	free(indices);
 	free(triangles);
 	free(open);
 	return ok && glGetError() == GL_NO_ERROR;
@@ -301,7 +293,7 @@ static void make_key(struct key *key, const struct mesh_header *mesh, const stru
 }
 
 struct surfaces *surfaces_need(struct frame_tables *tables, const struct mesh_header *mesh,
-	const struct welkin_request *request, struct error *err)
+	const struct welkin_request *request, int anisotropy, struct error *err)
 {
 	static const char kind;
 	struct key key;
@@ -320,7 +312,7 @@ struct surfaces *surfaces_need(struct frame_tables *tables, const struct mesh_he
 	}
 	memcpy(s->key, mesh->key, sizeof s->key);
 	s->placing = key.placing;
-	if (!build(&(struct build){ .mesh = mesh, .s = s }, key.planet_radius_m)) {
+	if (!build(&(struct build){ .mesh = mesh, .s = s, .anisotropy = anisotropy }, key.planet_radius_m)) {
 		destroy(s);
 		error_set(err, "no memory for a scene of %u triangles", mesh->n_indices / 3);
 		return NULL;
@@ -362,6 +354,12 @@ void surfaces_prepare(
 	}
 	to_vec4(block->camera_high, camera);
 	to_vec4(block->camera_low, rest);
+	const double elevation = request->sun.elevation_deg * (M_PI / 180),
+		     azimuth = request->sun.azimuth_deg * (M_PI / 180);
+	const double sun[3] = { sin(azimuth) * cos(elevation), sin(elevation), -cos(azimuth) * cos(elevation) };
+	double turned[3];
+	mesh_frame_turn(&frame, sun, turned);
+	to_vec4(block->sun, turned);
 	block->shading = request->scene.shading;
 }
 
@@ -393,39 +391,48 @@ static bool sees(float rows[3][4], const double at[3], double radius)
 	return true;
 }
 
-static void add_to_list(struct draw_list *list, const struct surfaces_cluster *c)
+/* Neighbours become one stretch. */
+static void add_to_list(struct draw_list *list, const struct surfaces_cluster *c, const struct surfaces_cluster *last)
 {
-	if (list->n_runs == 0 || list->runs[list->n_runs - 1].material != c->material)
-		list->runs[list->n_runs++] = (struct draw_run){ c->material, 0 };
-	list->runs[list->n_runs - 1].n++;
-	list->counts[list->n] = (int)c->n_indices;
-	list->offsets[list->n++] = (const char *)NULL + sizeof(uint32_t) * c->first_index;
+	if (last && last->first + last->n == c->first) {
+		list->counts[list->n - 1] += (int)(3 * c->n);
+		return;
+	}
+	list->counts[list->n] = (int)(3 * c->n);
+	list->offsets[list->n++] = (const char *)NULL + 3 * sizeof(uint32_t) * c->first;
+}
+
+bool surfaces_sees(const struct SurfacesBlock *block, float rows[3][4], const struct surfaces_cluster *c)
+{
+	double offset[3], at[3] = { 0, 0, 0 };
+	for (int k = 0; k < 3; k++)
+		offset[k] = (double)c->center[k] - (double)block->camera_high[k] - (double)block->camera_low[k];
+	for (int k = 0; k < 3; k++)
+		for (int axis = 0; axis < 3; axis++)
+			at[k] += (double)block->axis[axis][k] * offset[axis];
+	return sees(rows, at, (double)c->radius);
 }
 
 const struct draw_list *surfaces_cull(
 	struct surfaces *s, const struct SurfacesBlock *block, const struct surfaces_window *window)
 {
 	float rows[3][4];
+	const struct surfaces_cluster *last = NULL;
 	surfaces_rows(window, rows);
-	s->list.n = s->list.n_runs = 0;
+	s->list.n = 0;
 	for (uint32_t i = 0; i < s->n_clusters; i++) {
-		const struct surfaces_cluster *c = &s->clusters[i];
-		double offset[3], at[3] = { 0, 0, 0 };
-		for (int k = 0; k < 3; k++)
-			offset[k] = (double)c->center[k] - (double)block->camera_high[k] - (double)block->camera_low[k];
-		for (int k = 0; k < 3; k++)
-			for (int axis = 0; axis < 3; axis++)
-				at[k] += (double)block->axis[axis][k] * offset[axis];
-		if (sees(rows, at, (double)c->radius))
-			add_to_list(&s->list, c);
+		if (!surfaces_sees(block, rows, &s->clusters[i]))
+			continue;
+		add_to_list(&s->list, &s->clusters[i], last);
+		last = &s->clusters[i];
 	}
 	return &s->list;
 }
 
 const struct draw_list *surfaces_all(struct surfaces *s)
 {
-	s->list.n = s->list.n_runs = 0;
+	s->list.n = 0;
 	for (uint32_t i = 0; i < s->n_clusters; i++)
-		add_to_list(&s->list, &s->clusters[i]);
+		add_to_list(&s->list, &s->clusters[i], i ? &s->clusters[i - 1] : NULL);
 	return &s->list;
 }

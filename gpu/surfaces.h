@@ -9,13 +9,13 @@
 #include "gpu/tables.h"
 
 /*
- * A mesh on the device, where it stands: vertices in the mesh's frame (placing.h), textures, the hierarchy for rays. Kept
- * among the tables, by mesh, place and planet.
+ * A mesh on the device, where it stands: vertices in the mesh's frame (placing.h), textures, the hierarchy for rays.
+ * Kept among the tables, by mesh, place and planet.
  */
 
-/* Neighbouring triangles of one material, which a strip draws or leaves out together. */
+/* Neighbouring triangles, which a strip draws or leaves out together: a stretch of the hierarchy's order. */
 struct surfaces_cluster {
-	uint32_t first_index, n_indices, material;
+	uint32_t first, n;
 	float center[3], radius;
 };
 
@@ -25,18 +25,19 @@ struct surfaces {
 	uint32_t n_vertices, n_triangles, n_materials, n_clusters;
 	float low[3], high[3]; /* mesh's frame */
 	unsigned vertex_array;
-	unsigned vertices, indices, materials, nodes, triangles, ambient; /* buffers */
-	unsigned albedo, normal;                                                           /* texture arrays */
+	unsigned vertices, drawn, indices, materials, nodes, triangles, ambient; /* buffers */
+	unsigned albedo, normal;                                                 /* texture arrays */
 	struct surfaces_cluster *clusters;
 	struct draw_list list; /* room for all clusters */
 	uint32_t ambient_done; /* vertices whose share of open sky is known */
 	double bytes;
 };
 
-/* The surfaces of that mesh for this request, built on first use; NULL with the reason. They stay for the slice in hand. A
- * mesh without triangles that can be seen gives surfaces without clusters. */
+/* The surfaces of that mesh for this request, built on first use; NULL with the reason. They stay for the slice in
+ * hand. A mesh without triangles that can be seen gives surfaces without clusters. anisotropy: as surface_textures.h
+ * takes it. */
 struct surfaces *surfaces_need(struct frame_tables *tables, const struct mesh_header *mesh,
-	const struct welkin_request *request, struct error *err);
+	const struct welkin_request *request, int anisotropy, struct error *err);
 
 /* The block of a frame with these surfaces: where they stand, seen from the camera; shadows are shadow.h's. */
 void surfaces_prepare(
@@ -53,6 +54,9 @@ struct surfaces_window {
 	int box[4]; /* x, y, width, height in the image */
 };
 void surfaces_rows(const struct surfaces_window *window, float rows[3][4]);
+
+/* May a window with these rows see the cluster? */
+bool surfaces_sees(const struct SurfacesBlock *block, float rows[3][4], const struct surfaces_cluster *cluster);
 
 /* The clusters that the window may see, or all of them; good until the next call. */
 const struct draw_list *surfaces_cull(

@@ -11,7 +11,7 @@ struct table {
 	unsigned texture;  /* 0 and object NULL: the slot is free */
 	unsigned previous; /* iterated: where the last run's result is while building; 0 otherwise */
 	int runs;          /* of the kernel so far */
-	const void *kind; /* its desc, for a table */
+	const void *kind;  /* its desc, for a table */
 	const struct table_desc *desc;
 	void *object; /* of tables_keep() */
 	void (*destroy)(void *object);

@@ -33,10 +33,10 @@ struct table_desc {
 enum table_state tables_need(struct frame_tables *tables, const struct table_desc *desc, const void *key,
 	size_t key_size, int batch, struct error *err);
 
-/* Other things on the device, kept under the same budget and by the same rule: what is told apart by `kind`, the address
- * of something static, and a key of at most 1024 bytes. tables_kept: NULL where there is none; it counts as used by the slice in
- * hand. tables_keep: object becomes the tables', which call destroy(object) when it has to go, and right away when false is
- * returned. */
+/* Other things on the device, kept under the same budget and by the same rule: what is told apart by `kind`, the
+ * address of something static, and a key of at most 1024 bytes. tables_kept: NULL where there is none; it counts as
+ * used by the slice in hand. tables_keep: object becomes the tables', which call destroy(object) when it has to go, and
+ * right away when false is returned. */
 void *tables_kept(struct frame_tables *tables, const void *kind, const void *key, size_t key_size);
 bool tables_keep(struct frame_tables *tables, const void *kind, const void *key, size_t key_size, void *object,
 	double bytes, void (*destroy)(void *object), struct error *err);

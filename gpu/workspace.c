@@ -47,7 +47,7 @@ bool workspace_reserve_raster(struct workspace *ws, int width, int height, struc
 	release_raster(r);
 	glCreateTextures(GL_TEXTURE_2D_MULTISAMPLE, 1, &r->color);
 	glCreateTextures(GL_TEXTURE_2D_MULTISAMPLE, 1, &r->depth);
-	glTextureStorage2DMultisample(r->color, RASTER_SAMPLES, GL_RGBA32UI, width, height, GL_TRUE);
+	glTextureStorage2DMultisample(r->color, RASTER_SAMPLES, GL_R32UI, width, height, GL_TRUE);
 	glTextureStorage2DMultisample(r->depth, RASTER_SAMPLES, GL_DEPTH_COMPONENT32F, width, height, GL_TRUE);
 	glCreateFramebuffers(1, &r->framebuffer);
 	glNamedFramebufferTexture(r->framebuffer, GL_COLOR_ATTACHMENT0, r->color, 0);
@@ -72,9 +72,9 @@ const struct mesh_header *workspace_mesh(const struct workspace *ws, const char 
 
 void workspace_finish(struct workspace *ws)
 {
-	struct buffer *buffers[] = { &ws->surface, &ws->rays, &ws->radiance, &ws->inscatter, &ws->transmittance, &ws->output,
-		&ws->counters, &ws->meter, &ws->samples, &ws->sample_layers, &ws->directions, &ws->spectral_L,
-		&ws->spectral_T };
+	struct buffer *buffers[] = { &ws->surface, &ws->rays, &ws->radiance, &ws->inscatter, &ws->transmittance,
+		&ws->output, &ws->counters, &ws->meter, &ws->samples, &ws->sample_layers, &ws->directions,
+		&ws->spectral_L, &ws->spectral_T };
 	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
 		release(buffers[i]);
 	release_raster(&ws->raster);

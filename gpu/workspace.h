@@ -51,9 +51,9 @@ struct workspace {
 	struct raster raster;
 	int n_meshes;
 	const struct mesh_header *meshes[WORKSPACE_MESHES];
-	struct buffer meter;                                    /* mapped */
-	struct buffer samples, sample_layers;                   /* mapped; progressive methods */
-	struct buffer directions, spectral_L, spectral_T;       /* photometer; the last two mapped */
+	struct buffer meter;                              /* mapped */
+	struct buffer samples, sample_layers;             /* mapped; progressive methods */
+	struct buffer directions, spectral_L, spectral_T; /* photometer; the last two mapped */
 	struct cost costs[WORKSPACE_COSTS];
 	unsigned cost_clock;
 	const void *bound; /* the frame whose blocks are on the device; frames clear it when they go */

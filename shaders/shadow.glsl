@@ -65,8 +65,8 @@ float shadow_of_surface(vec3 v, vec3 face)
 {
 	int cascade;
 	shadow_place(v, cascade);
-	/* lifted off its own triangle by a texel, so that the map's steps don't show */
-	vec3 place = shadow_place(v + face * surfaces.shadow_texel[cascade], cascade);
+	/* lifted off its own triangle by half a texel, so that the map's steps don't show where slopes change */
+	vec3 place = shadow_place(v + face * (0.5 * surfaces.shadow_texel[cascade]), cascade);
 	if (!shadow_holds(place))
 		return 1.0;
 	float layer = float(cascade);

@@ -51,7 +51,7 @@ typedef unsigned int uint;
 #define UNIT_AERIAL 4
 #define UNIT_ALBEDO 16        /* array of the materials' colours, sRGB */
 #define UNIT_NORMAL 17        /* array of their normal maps */
-#define UNIT_RASTER 18       /* multisampled records of the strip in hand */
+#define UNIT_RASTER 18       /* multisampled triangles of the strip in hand, counted from 1; 0: none */
 #define UNIT_SHADOW 19       /* depth from the sun, a layer for each cascade, compared */
 #define UNIT_SHADOW_DEPTH 20 /* the same, read as it is */
 #define UNIT_SHADOW_MOMENTS 21
@@ -61,7 +61,6 @@ typedef unsigned int uint;
 /* Samples of a pixel in the raster pass. */
 #define RASTER_SAMPLES 4
 #define VERTEX_FLOATS 8
-#define ATTRIBUTE_MATERIAL 4
 #define VERTEX_BITS 24       /* of a triangle's corner, the rest of its word is a third of the material */
 #define SHADOW_CASCADES 4
 
@@ -207,8 +206,8 @@ WELKIN_BLOCK(SurfacesBlock, BIND_SURFACES_BLOCK)
 	vec4 shadow_texel;     /* m: across a texel of each cascade */
 	int shading, shadow_filter, shadow_cascades, shadow_size; /* enums of api/request.h */
 	float shadow_depth;    /* m: from depth 0 to 1 of cascade 0 */
-	float shaft_near, shaft_far; /* m: stretch of view rays in which the mesh can throw shadows */
-	int shaft_steps;
+	int shaft_steps, shadow_region;
+	int reserved1;
 WELKIN_BLOCK_END(surfaces)
 
 /* The sky of method fitted for a batch; gpu/fitted.h. */

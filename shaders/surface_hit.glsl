@@ -15,36 +15,48 @@ vec2 vertex_uv(int i)
 	return vec2(vertex[VERTEX_FLOATS * i + 6], vertex[VERTEX_FLOATS * i + 7]);
 }
 
-/* Triangle `index`, met at origin + t d (mesh's frame) by a ray whose footprint there is `width` m across. World axes. */
-Surface surface_hit(int index, vec3 origin, vec3 d, float t, float width)
+/* How a texture coordinate changes along a step on the triangle's plane: b1 and b2 are its barycentric coordinates. */
+vec2 uv_step(vec3 step, vec3 e1, vec3 e2, vec3 face, float area, vec2 d1, vec2 d2)
+{
+	return (d1 * dot(cross(step, e2), face) + d2 * dot(cross(e1, step), face)) / area;
+}
+
+/* What the camera's ray along d (world) shows of triangle `index`: where they meet or, at the triangle's rim, the point
+ * next to that. angle: across the pixel, rad. */
+Surface surface_hit(int index, vec3 d_world, float angle)
 {
 	Triangle tri = triangles[index];
 	ivec3 v = triangle_vertices(tri);
-	vec3 a = tri.corner[0].xyz, e1 = tri.corner[1].xyz - a, e2 = tri.corner[2].xyz - a, face = cross(e1, e2);
-	vec3 p = origin - a + t * d;
-	float area = max(dot(face, face), 1e-30);
+	vec3 d = to_mesh(d_world), a = tri.corner[0].xyz, e1 = tri.corner[1].xyz - a, e2 = tri.corner[2].xyz - a;
+	vec3 origin = (surfaces.camera_high.xyz - a) + surfaces.camera_low.xyz, face = cross(e1, e2);
+	float area = max(dot(face, face), 1e-30), facing = dot(d, face);
+	float t = -dot(origin, face) / (abs(facing) > 0.0 ? facing : 1e-30);
+	vec3 p = origin + t * d;
 	float b1 = clamp(dot(cross(p, e2), face) / area, 0.0, 1.0), b2 = clamp(dot(cross(e1, p), face) / area, 0.0, 1.0 - b1);
 	vec3 weights = vec3(1.0 - b1 - b2, b1, b2);
 	vec3 normal = vertex_normal(v.x) * weights.x + vertex_normal(v.y) * weights.y + vertex_normal(v.z) * weights.z;
 	vec2 uv0 = vertex_uv(v.x), d1 = vertex_uv(v.y) - uv0, d2 = vertex_uv(v.z) - uv0, uv = uv0 + d1 * b1 + d2 * b2;
 
 	Surface s;
-	face = face * inversesqrt(area);
-	face = dot(face, d) > 0.0 ? -face : face;
-	normal = dot(normal, normal) > 0.0 ? normalize(normal) : face;
-	normal = dot(normal, face) < 0.0 ? -normal : normal;
+	s.t = max(length(b1 * e1 + b2 * e2 - origin), 1e-3);
+	/* the pixel's footprint on the plane: across the ray, and along it, where it is longer by the slant */
+	vec3 unit = face * inversesqrt(area), across = cross(d, unit);
+	float width = s.t * angle, slant = max(abs(dot(d, unit)), 0.02), l = dot(across, across);
+	across = l > 1e-8 ? across * inversesqrt(l) : normalize(e1);
+	vec2 gx = uv_step(across * width, e1, e2, face, area, d1, d2);
+	vec2 gy = uv_step(cross(unit, across) * (width / slant), e1, e2, face, area, d1, d2);
+
+	unit = dot(unit, d) > 0.0 ? -unit : unit;
+	normal = dot(normal, normal) > 0.0 ? normalize(normal) : unit;
+	normal = dot(normal, unit) < 0.0 ? -normal : normal;
 	float det = d1.x * d2.y - d1.y * d2.x, side = det < 0.0 ? -1.0 : 1.0;
 	vec3 along_u = (e1 * d2.y - e2 * d1.y) * side, along_v = (e2 * d1.x - e1 * d2.x) * side;
 	Material m = materials[triangle_material(tri)];
-	/* texels under the footprint, by the ratio of the triangle's areas in textures and in space */
-	float scale = width * sqrt(abs(det) / sqrt(area));
-	float lod = log2(max(scale * float(textureSize(albedo_textures, 0).x), 1.0));
-	float normal_lod = log2(max(scale * float(textureSize(normal_textures, 0).x), 1.0));
-	vec3 color = textureLod(albedo_textures, texture_at(uv, max(m.textures.x, 0)), lod).rgb;
-	vec3 texel = textureLod(normal_textures, texture_at(uv, max(m.textures.y, 0)), normal_lod).xyz;
-	s.t = t;
+	const vec2 rows = vec2(1.0, -1.0); /* of textures start at the top */
+	vec3 color = textureGrad(albedo_textures, texture_at(uv, max(m.textures.x, 0)), gx * rows, gy * rows).rgb;
+	vec3 texel = textureGrad(normal_textures, texture_at(uv, max(m.textures.y, 0)), gx * rows, gy * rows).xyz;
 	s.normal = mesh_to_world(m.textures.y >= 0 ? mapped_normal(texel, normal, along_u, along_v) : normal);
-	s.face = mesh_to_world(face);
+	s.face = mesh_to_world(unit);
 	s.albedo = m.diffuse.rgb * (m.textures.x >= 0 ? color : vec3(1.0));
 	s.open = dot(weights, vec3(open_sky[v.x], open_sky[v.y], open_sky[v.z]));
 	s.material = triangle_material(tri);

@@ -2,15 +2,17 @@
  * Lights the surfaces that a strip shows and puts the air before them, for one spectral batch; the sky's kernel has left
  * the share of the pixels that they cover empty.
  */
-#ifndef RADIANCE_JOB
-#define RADIANCE_JOB 0
-#endif
-#ifndef SHADOWS
-#define SHADOWS (frame.features & FEATURE_SHADOWS)
+/* Chosen when the program is built: the air by a ray march, as the methods of single scattering have it. */
+#ifndef AERIAL_MARCH
+#define AERIAL_MARCH 0
 #endif
 #include "surface_shading.glsl"
 #include "shadow.glsl"
-#include "surface_air.glsl"
+#if AERIAL_MARCH
+#include "aerial_march.glsl"
+#else
+#include "aerial.glsl"
+#endif
 #include "sky_output.glsl"
 
 void main()
@@ -36,7 +38,7 @@ void main()
 	light.level_sun = max(mu_s, 0.0);
 	light.open = s.open;
 	light.lit = dot(s.face, light.l) > 0.0 ? 1.0 : 0.0;
-	if (SHADOWS != 0)
+	if (feature(FEATURE_SHADOWS))
 		light.lit *= shadow_of_surface(v, s.face);
 	Material m = materials[s.material];
 	vec4 L;

@@ -1,5 +1,6 @@
-/* From the samples of a drawn strip to one record per pixel: the nearest sample's, and how many there are. */
-#include "surface_record.glsl"
+/* From the triangles of a drawn strip's samples to one record per pixel: of the triangle that most samples show, met by the ray
+ * through the pixel's centre; and how many samples show any. */
+#include "surface_hit.glsl"
 #include "surface_ground.glsl"
 
 layout(local_size_x = WORKGROUP_X, local_size_y = WORKGROUP_Y) in;
@@ -13,16 +14,20 @@ void main()
 	ivec2 at = ivec2(gl_GlobalInvocationID.xy);
 	if (any(greaterThanEqual(at, tile.zw)))
 		return;
-	uvec4 nearest = uvec4(0u);
-	uint covered = 0u;
-	for (int i = 0; i < RASTER_SAMPLES; i++) {
-		uvec4 r = texelFetch(raster, at, i);
-		bool there = r.x != 0u;
-		covered += there ? 1u : 0u;
-		if (there && (nearest.x == 0u || r.x < nearest.x)) /* positive floats compare as their bits */
-			nearest = r;
-	}
-	nearest.w = (nearest.w & 0x0fffffffu) | (max(covered, 1u) - 1u) << 28u;
 	int i = at.y * tile.z + at.x;
-	surface[i] = ground_hides(direction[i].xyz, uintBitsToFloat(nearest.x)) ? uvec4(0u) : nearest;
+	uvec4 s = uvec4(texelFetch(raster, at, 0).r, texelFetch(raster, at, 1).r, texelFetch(raster, at, 2).r,
+		texelFetch(raster, at, 3).r);
+	uvec4 there = uvec4(notEqual(s, uvec4(0u)));
+	uint covered = there.x + there.y + there.z + there.w;
+	/* of four, any two that agree are a majority or tie with another two */
+	uint chosen = s.x == s.y || s.x == s.z || s.x == s.w ? s.x : s.y == s.z || s.y == s.w ? s.y : s.z;
+	chosen = chosen != 0u ? chosen : max(max(s.x, s.y), max(s.z, s.w));
+	surface[i] = uvec4(0u);
+	vec4 d = direction[i];
+	if (covered == 0u || d.w < 0.0)
+		return;
+	Surface hit = surface_hit(int(chosen) - 1, d.xyz, sqrt(d.w));
+	hit.coverage = float(covered) / float(RASTER_SAMPLES);
+	if (!ground_hides(d.xyz, hit.t))
+		surface[i] = surface_pack(hit);
 }
