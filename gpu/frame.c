@@ -29,6 +29,8 @@ static const char *find_fault(const struct welkin_job *job)
 	const struct welkin_image *image = &r->image;
 	if (!in_range(job->kind, WELKIN_JOB_RADIANCE))
 		return "unknown kind of job";
+	if (strnlen(job->scene_key, sizeof job->scene_key) == sizeof job->scene_key)
+		return "the name of the scene has no end";
 	if (!in_range(r->atmosphere.method, welkin_method_count - 1))
 		return "unknown method";
 	if (!in_range(r->atmosphere.steps - 1, 1023) || !in_range(r->atmosphere.light_steps - 1, 1023))
@@ -57,6 +59,14 @@ static bool map_pixels(struct frame *f, int memfd, struct error *err)
 	return true;
 }
 
+static bool hold_scene(struct workspace *ws, struct frame *f, struct error *err)
+{
+	if (!f->job.scene_key[0])
+		return true;
+	f->mesh = scene_store_hold(&ws->scenes, f->job.scene_key);
+	return f->mesh || error_set(err, "the scene %.32s did not arrive", f->job.scene_key);
+}
+
 static void prepare(struct frame *f)
 {
 	const struct welkin_job *job = &f->job;
@@ -70,7 +80,7 @@ static void prepare(struct frame *f)
 	}
 	if (f->method->prepare)
 		f->method->prepare(&f->scene, &job->request);
-	planner_plan(&f->plan, job, &f->scene, f->method, f->scenery.mesh);
+	planner_plan(&f->plan, job, &f->scene, f->method, f->mesh);
 	f->scene.frame.features = f->plan.features;
 	f->result.id = job->id;
 	f->result.bands = f->scene.n_bands;
@@ -101,11 +111,8 @@ struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, i
 	f->method = welkin_methods[job->request.atmosphere.method];
 	char file[64];
 	snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
-	if (!map_pixels(f, memfd, err) || !(f->sky = programs_get(ws->programs, file, "", err))) {
-		frame_destroy(ws, f);
-		return NULL;
-	}
-	if (!scenery_find(ws, f, err)) {
+	if (!map_pixels(f, memfd, err) || !hold_scene(ws, f, err) ||
+		!(f->sky = programs_get(ws->programs, file, "", err))) {
 		frame_destroy(ws, f);
 		return NULL;
 	}
@@ -127,6 +134,7 @@ void frame_destroy(struct workspace *ws, struct frame *frame)
 		return;
 	if (ws->bound == frame)
 		ws->bound = NULL;
+	scene_store_release(&ws->scenes, frame->mesh);
 	if (frame->map)
 		munmap(frame->map, frame->map_size);
 	free(frame->samples);
@@ -152,7 +160,7 @@ void frame_finish(struct frame *frame, enum welkin_status status, const char *me
 /* A frame with a scene costs more: it is learned apart. */
 static int cost_number(const struct frame *frame)
 {
-	return frame->job.request.atmosphere.method + (frame->scenery.mesh ? WELKIN_METHODS_MAX : 0);
+	return frame->job.request.atmosphere.method + (frame->scenery.there ? WELKIN_METHODS_MAX : 0);
 }
 
 static double cost_of(struct workspace *ws, const struct frame *frame, bool *known)

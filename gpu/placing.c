@@ -1,111 +1,77 @@
 #include "gpu/placing.h"
 
 #include <math.h>
-#include <string.h>
 
-static double radians(double degrees)
+/* East, north and up at one point of the sphere, each as east, north and up of another. Written with half angles, so
+ * that metres survive beside the planet's radius. */
+struct horizon {
+	double east[3], north[3], up[3];
+	double drop; /* 1 − up[2] */
+};
+
+static double squared(double x)
 {
-	return degrees * (M_PI / 180.0);
+	return x * x;
+}
+
+static struct horizon horizon_seen(double latitude, double longitude, double from_latitude, double from_longitude)
+{
+	const double along = longitude - from_longitude, up = latitude - from_latitude;
+	const double s0 = sin(from_latitude), c0 = cos(from_latitude), c1 = cos(latitude);
+	const double half = squared(sin(along / 2)), drop = 2 * (squared(sin(up / 2)) + c0 * c1 * half);
+	struct horizon h = {
+		.east = { cos(along), s0 * sin(along), -c0 * sin(along) },
+		.up = { c1 * sin(along), sin(up) + 2 * s0 * c1 * half, 1 - drop },
+		.drop = drop,
+	};
+	/* north = up × east */
+	for (int i = 0; i < 3; i++) {
+		const int j = (i + 1) % 3, k = (i + 2) % 3;
+		h.north[i] = h.up[j] * h.east[k] - h.up[k] * h.east[j];
+	}
+	return h;
+}
+
+/* From east, north, up to the world frame's x, y, z. */
+static void set_axis(double axis[3], const double enu[3], double sign)
+{
+	axis[0] = sign * enu[0];
+	axis[1] = sign * enu[2];
+	axis[2] = -sign * enu[1];
 }
 
 struct placing placing_of(const struct welkin_request *request)
 {
 	const struct welkin_scene *scene = &request->scene;
-	return (struct placing){ scene->latitude_deg, scene->longitude_deg, scene->altitude_m, scene->heading_deg,
-		scene->scale };
-}
-
-/* East, up and south at a place, in a frame of the planet. */
-static void local_axes(double latitude_deg, double longitude_deg, double axes[3][3])
-{
-	const double lat = radians(latitude_deg), lon = radians(longitude_deg);
-	const double east[3] = { -sin(lon), cos(lon), 0 };
-	const double up[3] = { cos(lat) * cos(lon), cos(lat) * sin(lon), sin(lat) };
-	const double south[3] = { sin(lat) * cos(lon), sin(lat) * sin(lon), -cos(lat) };
-	memcpy(axes[0], east, sizeof east);
-	memcpy(axes[1], up, sizeof up);
-	memcpy(axes[2], south, sizeof south);
-}
-
-static double dot(const double a[3], const double b[3])
-{
-	return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-struct mesh_frame mesh_frame_of(const struct welkin_request *request)
-{
-	const struct welkin_scene *scene = &request->scene;
-	const double heading = radians(scene->heading_deg), c = cos(heading), s = sin(heading);
-	double world[3][3], there[3][3], turned[3][3];
-	local_axes(request->latitude_deg, request->longitude_deg, world);
-	local_axes(scene->latitude_deg, scene->longitude_deg, there);
-	for (int k = 0; k < 3; k++) {
-		turned[0][k] = c * there[0][k] + s * there[2][k];
-		turned[1][k] = there[1][k];
-		turned[2][k] = c * there[2][k] - s * there[0][k];
+	const double deg = M_PI / 180, radius = request->atmosphere.planet_radius_m;
+	const struct horizon h = horizon_seen(scene->latitude_deg * deg, scene->longitude_deg * deg,
+		request->latitude_deg * deg, request->longitude_deg * deg);
+	const double c = cos(scene->heading_deg * deg), s = sin(scene->heading_deg * deg);
+	struct placing p = { .scale = scene->scale };
+	double right[3], ahead[3];
+	for (int i = 0; i < 3; i++) {
+		right[i] = c * h.east[i] - s * h.north[i];
+		ahead[i] = c * h.north[i] + s * h.east[i];
 	}
-	struct mesh_frame frame;
-	for (int axis = 0; axis < 3; axis++)
-		for (int k = 0; k < 3; k++)
-			frame.axes[axis][k] = dot(turned[axis], world[k]);
-	const double away[3] = { there[1][0] - world[1][0], there[1][1] - world[1][1], there[1][2] - world[1][2] };
-	for (int k = 0; k < 3; k++)
-		frame.origin[k] = request->atmosphere.planet_radius_m * dot(away, world[k]);
-	return frame;
+	set_axis(p.axes[0], right, 1);
+	set_axis(p.axes[1], h.up, 1);
+	set_axis(p.axes[2], ahead, -1);
+	for (int i = 0; i < 3; i++)
+		p.origin[i] = p.axes[1][i] * (radius + scene->altitude_m);
+	p.origin[1] = scene->altitude_m * h.up[2] - radius * h.drop;
+	return p;
 }
 
-void mesh_frame_turn(const struct mesh_frame *frame, const double world[3], double mesh[3])
+void placing_to_world(const struct placing *p, const double local[3], double world[3])
 {
-	for (int axis = 0; axis < 3; axis++)
-		mesh[axis] = dot(frame->axes[axis], world);
+	for (int i = 0; i < 3; i++)
+		world[i] = p->origin[i] +
+			   p->scale * (p->axes[0][i] * local[0] + p->axes[1][i] * local[1] + p->axes[2][i] * local[2]);
 }
 
-void mesh_frame_from_world(const struct mesh_frame *frame, const double world[3], double mesh[3])
+void placing_to_local(const struct placing *p, const double world[3], double local[3])
 {
-	const double offset[3] = { world[0] - frame->origin[0], world[1] - frame->origin[1],
-		world[2] - frame->origin[2] };
-	mesh_frame_turn(frame, offset, mesh);
-}
-
-void placing_bend(
-	const struct placing *placing, double planet_radius_m, const struct mesh_vertex *from, struct mesh_vertex *to)
-{
-	const double R = planet_radius_m, x = (double)from->position[0] * placing->scale,
-		     z = (double)from->position[2] * placing->scale;
-	const double h = (double)from->position[1] * placing->scale + placing->altitude_m, s = hypot(x, z);
-	const double a = fmin(s / R, M_PI), half = sin(a / 2), east = s > 0 ? x / s : 0, south = s > 0 ? z / s : 0;
-	to->position[0] = (float)((R + h) * sin(a) * east);
-	to->position[1] = (float)(h * cos(a) - 2 * R * half * half);
-	to->position[2] = (float)((R + h) * sin(a) * south);
-	const double n[3] = { (double)from->normal[0], (double)from->normal[1], (double)from->normal[2] };
-	const double along = n[0] * east + n[2] * south;
-	const double turned = along * cos(a) + n[1] * sin(a) - along; /* what the turn adds along the arc */
-	to->normal[0] = (float)(n[0] + turned * east);
-	to->normal[1] = (float)(n[1] * cos(a) - along * sin(a));
-	to->normal[2] = (float)(n[2] + turned * south);
-	memcpy(to->uv, from->uv, sizeof to->uv);
-}
-
-double placing_sphere(const struct mesh_header *mesh, const struct welkin_request *request, double center[3])
-{
-	const struct placing placing = placing_of(request);
-	const struct mesh_frame frame = mesh_frame_of(request);
-	const double R = request->atmosphere.planet_radius_m;
-	struct mesh_vertex middle = { { 0 }, { 0, 1, 0 }, { 0 } }, bent;
-	double half = 0, reach = 0;
-	for (int k = 0; k < 3; k++) {
-		const double low = (double)mesh->low[k], high = (double)mesh->high[k];
-		middle.position[k] = (float)((low + high) / 2);
-		half += pow((high - low) / 2, 2);
-		reach += pow(fmax(fabs(low), fabs(high)), 2);
-	}
-	placing_bend(&placing, R, &middle, &bent);
-	for (int k = 0; k < 3; k++) {
-		center[k] = frame.origin[k];
-		for (int axis = 0; axis < 3; axis++)
-			center[k] += frame.axes[axis][k] * (double)bent.position[axis];
-	}
-	/* bending moves a point at arc length s by less than s²/R, and twice the planet at most */
-	reach = fmin(sqrt(reach) * placing.scale, 2 * R);
-	return sqrt(half) * placing.scale * (1 + reach / R) + reach * reach / R + 1;
+	const double from[3] = { world[0] - p->origin[0], world[1] - p->origin[1], world[2] - p->origin[2] };
+	for (int i = 0; i < 3; i++)
+		local[i] = (p->axes[i][0] * from[0] + p->axes[i][1] * from[1] + p->axes[i][2] * from[2]) / p->scale;
 }

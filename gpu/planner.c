@@ -1,7 +1,7 @@
 #include "gpu/planner.h"
 
 #include "gpu/choose.h"
-#include "gpu/placing.h"
+#include "gpu/bending.h"
 #include "gpu/view.h"
 
 #include <math.h>
@@ -114,7 +114,7 @@ static bool sun_reaches(const struct welkin_job *job, const struct mesh_header *
 	const struct welkin_request *r = &job->request;
 	const double R = r->atmosphere.planet_radius_m;
 	double center[3];
-	const double radius = placing_sphere(mesh, r, center);
+	const double radius = bending_sphere(mesh, r, center);
 	const double up[3] = { center[0], center[1] + R, center[2] },
 		     from = sqrt(up[0] * up[0] + up[1] * up[1] + up[2] * up[2]);
 	const double high = fmax((double)mesh->high[1] * r->scene.scale + r->scene.altitude_m, 0);
@@ -146,7 +146,7 @@ static void plan_surfaces(struct plan *plan, const struct welkin_job *job, const
 	if (!mesh)
 		return;
 	double center[3], distance = 0;
-	const double radius = placing_sphere(mesh, &job->request, center);
+	const double radius = bending_sphere(mesh, &job->request, center);
 	for (int k = 0; k < 3; k++) {
 		center[k] -= job->request.camera.position_m[k];
 		distance += center[k] * center[k];

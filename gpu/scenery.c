@@ -8,15 +8,6 @@
 #include <stdio.h>
 #include <string.h>
 
-bool scenery_find(struct workspace *ws, struct frame *f, struct error *err)
-{
-	if (f->job.scene_key[0] == '\0')
-		return true;
-	if (memchr(f->job.scene_key, '\0', sizeof f->job.scene_key))
-		f->scenery.mesh = workspace_mesh(ws, f->job.scene_key);
-	return f->scenery.mesh || error_set(err, "the scene is not there");
-}
-
 /* llvmpipe filters anisotropically at ten times the cost of the whole pass without. */
 static int anisotropy(const struct workspace *ws)
 {
@@ -71,11 +62,10 @@ static bool whole_window(const struct frame *f, struct surfaces_window *w)
 bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 {
 	struct scenery *s = &f->scenery;
-	if (!(f->plan.features & (FEATURE_SURFACES | FEATURE_TRACED))) {
-		s->mesh = NULL;
+	s->there = f->plan.features & (FEATURE_SURFACES | FEATURE_TRACED);
+	if (!s->there)
 		return true;
-	}
-	s->surfaces = surfaces_need(ws->tables, s->mesh, &f->job.request, anisotropy(ws), err);
+	s->surfaces = surfaces_need(ws->tables, f->mesh, &f->job.request, anisotropy(ws), err);
 	if (!s->surfaces)
 		return false;
 	surfaces_prepare(&f->scene.surfaces, &f->job.request, s->surfaces->low, s->surfaces->high);
@@ -97,9 +87,9 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 enum table_state scenery_bind(struct workspace *ws, struct frame *f, struct error *err)
 {
 	struct scenery *s = &f->scenery;
-	if (!s->mesh)
+	if (!s->there)
 		return TABLE_READY;
-	s->surfaces = surfaces_need(ws->tables, s->mesh, &f->job.request, anisotropy(ws), err);
+	s->surfaces = surfaces_need(ws->tables, f->mesh, &f->job.request, anisotropy(ws), err);
 	if (!s->surfaces)
 		return TABLE_FAILED;
 	const bool shadows = f->scene.frame.features & FEATURE_SHADOWS;

@@ -13,13 +13,10 @@ struct frame;
 struct workspace;
 
 struct scenery {
-	const struct mesh_header *mesh; /* NULL: the frame has no scene, or none that can matter */
+	bool there; /* the frame has a scene that can matter */
 	struct surfaces *surfaces;      /* good for the slice in hand */
 	const struct program *draw, *gather, *cast, *light;
 };
-
-/* Finds the job's mesh, before the plan is made; false where it is not there. */
-bool scenery_find(struct workspace *ws, struct frame *frame, struct error *err);
 
 /* After the plan: the programs, and the frame's block. */
 bool scenery_start(struct workspace *ws, struct frame *frame, struct error *err);

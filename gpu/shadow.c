@@ -286,7 +286,7 @@ static bool make_moments(struct passes *passes, struct programs *programs, const
 /* What the map depends on: rows that are seen from the camera would change with it. */
 struct key {
 	char mesh[33];
-	struct placing placing;
+	struct bending bending;
 	float sun[3], rows[3 * SHADOW_CASCADES][4];
 	int filter, size, cascades;
 };
@@ -295,7 +295,7 @@ static void make_key(struct key *key, const struct surfaces *s, const struct Sur
 {
 	memset(key, 0, sizeof *key);
 	memcpy(key->mesh, s->key, sizeof key->mesh);
-	key->placing = s->placing;
+	key->bending = s->bending;
 	memcpy(key->sun, block->sun, sizeof key->sun);
 	key->filter = block->shadow_filter;
 	key->size = block->shadow_size;

@@ -21,8 +21,7 @@ struct device_triangle {
 
 struct key {
 	char mesh[33];
-	struct placing placing;
-	double planet_radius_m;
+	struct bending bending;
 };
 
 /* What is seen of a mesh, on its way to the device. */
@@ -55,12 +54,12 @@ static void destroy(void *object)
 
 /* ---- from the mesh to what is seen of it ---- */
 
-static void place_vertices(struct build *b, double planet_radius_m)
+static void bend_vertices(struct build *b)
 {
 	const struct mesh_vertex *from = mesh_vertices(b->mesh);
 	struct surfaces *s = b->s;
 	for (uint32_t i = 0; i < b->mesh->n_vertices; i++)
-		placing_bend(&s->placing, planet_radius_m, &from[i], &b->vertices[i]);
+		bending_vertex(&s->bending, &from[i], &b->vertices[i]);
 }
 
 /* Drops what is nothing to see: triangles of materials that are mostly see-through. */
@@ -257,7 +256,7 @@ static bool to_device(struct build *b)
 	return ok && glGetError() == GL_NO_ERROR;
 }
 
-static bool build(struct build *b, double planet_radius_m)
+static bool build(struct build *b)
 {
 	const uint32_t triangles = b->mesh->n_indices / 3, vertices = b->mesh->n_vertices;
 	b->vertices = malloc(vertices * sizeof *b->vertices + 1);
@@ -266,7 +265,7 @@ static bool build(struct build *b, double planet_radius_m)
 	b->corners = malloc(triangles * sizeof *b->corners + 1);
 	bool ok = b->vertices && b->triangles && b->materials && b->corners;
 	if (ok) {
-		place_vertices(b, planet_radius_m);
+		bend_vertices(b);
 		collect_triangles(b);
 		find_bounds(b);
 		b->s->n_vertices = vertices;
@@ -286,10 +285,7 @@ static void make_key(struct key *key, const struct mesh_header *mesh, const stru
 {
 	memset(key, 0, sizeof *key);
 	memcpy(key->mesh, mesh->key, sizeof key->mesh);
-	key->placing = placing_of(request);
-	/* neither bends the mesh, so that one that is only moved about is the same */
-	key->placing.latitude_deg = key->placing.longitude_deg = key->placing.heading_deg = 0;
-	key->planet_radius_m = request->atmosphere.planet_radius_m;
+	key->bending = bending_of(request);
 }
 
 struct surfaces *surfaces_need(struct frame_tables *tables, const struct mesh_header *mesh,
@@ -311,8 +307,8 @@ struct surfaces *surfaces_need(struct frame_tables *tables, const struct mesh_he
 		return NULL;
 	}
 	memcpy(s->key, mesh->key, sizeof s->key);
-	s->placing = key.placing;
-	if (!build(&(struct build){ .mesh = mesh, .s = s, .anisotropy = anisotropy }, key.planet_radius_m)) {
+	s->bending = key.bending;
+	if (!build(&(struct build){ .mesh = mesh, .s = s, .anisotropy = anisotropy })) {
 		destroy(s);
 		error_set(err, "no memory for a scene of %u triangles", mesh->n_indices / 3);
 		return NULL;
@@ -343,11 +339,11 @@ static void to_vec4(vec4 out, const double v[3])
 void surfaces_prepare(
 	struct SurfacesBlock *block, const struct welkin_request *request, const float low[3], const float high[3])
 {
-	const struct mesh_frame frame = mesh_frame_of(request);
+	const struct placing placing = placing_of(request);
 	double camera[3], rest[3];
-	mesh_frame_from_world(&frame, request->camera.position_m, camera);
+	bending_from_world(request, request->camera.position_m, camera);
 	for (int k = 0; k < 3; k++) {
-		to_vec4(block->axis[k], frame.axes[k]);
+		to_vec4(block->axis[k], placing.axes[k]);
 		rest[k] = camera[k] - (double)(float)camera[k];
 		block->low[k] = low[k];
 		block->high[k] = high[k];
@@ -358,7 +354,7 @@ void surfaces_prepare(
 		     azimuth = request->sun.azimuth_deg * (M_PI / 180);
 	const double sun[3] = { sin(azimuth) * cos(elevation), sin(elevation), -cos(azimuth) * cos(elevation) };
 	double turned[3];
-	mesh_frame_turn(&frame, sun, turned);
+	bending_turn(&placing, sun, turned);
 	to_vec4(block->sun, turned);
 	block->shading = request->scene.shading;
 }

@@ -4,13 +4,13 @@
 #include "api/error.h"
 #include "gpu/bvh.h"
 #include "gpu/mesh.h"
-#include "gpu/placing.h"
+#include "gpu/bending.h"
 #include "gpu/scene.h"
 #include "gpu/tables.h"
 
 /*
- * A mesh on the device, where it stands: vertices in the mesh's frame (placing.h), textures, the hierarchy for rays.
- * Kept among the tables, by mesh, place and planet.
+ * A mesh on the device, where it stands: vertices in the mesh's frame (bending.h), textures, the hierarchy for rays.
+ * Kept among the tables, by mesh and how it is bent.
  */
 
 /* Neighbouring triangles, which a strip draws or leaves out together: a stretch of the hierarchy's order. */
@@ -21,7 +21,7 @@ struct surfaces_cluster {
 
 struct surfaces {
 	char key[33];
-	struct placing placing;
+	struct bending bending;
 	uint32_t n_vertices, n_triangles, n_materials, n_clusters;
 	float low[3], high[3]; /* mesh's frame */
 	unsigned vertex_array;

@@ -62,14 +62,6 @@ bool workspace_reserve_raster(struct workspace *ws, int width, int height, struc
 	return true;
 }
 
-const struct mesh_header *workspace_mesh(const struct workspace *ws, const char *key)
-{
-	for (int i = 0; i < ws->n_meshes; i++)
-		if (strcmp(ws->meshes[i]->key, key) == 0)
-			return ws->meshes[i];
-	return NULL;
-}
-
 void workspace_finish(struct workspace *ws)
 {
 	struct buffer *buffers[] = { &ws->surface, &ws->rays, &ws->radiance, &ws->inscatter, &ws->transmittance,
@@ -78,6 +70,7 @@ void workspace_finish(struct workspace *ws)
 	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
 		release(buffers[i]);
 	release_raster(&ws->raster);
+	scene_store_finish(&ws->scenes);
 	tables_destroy(ws->tables);
 	passes_destroy(ws->passes);
 	programs_destroy(ws->programs);

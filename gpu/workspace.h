@@ -3,9 +3,9 @@
 
 #include "api/error.h"
 #include "gpu/device.h"
-#include "gpu/mesh.h"
 #include "gpu/passes.h"
 #include "gpu/program.h"
+#include "gpu/scene_store.h"
 #include "gpu/tables.h"
 
 #include <stddef.h>
@@ -30,7 +30,7 @@ struct cost {
 	unsigned used;
 };
 
-enum { WORKSPACE_COSTS = 64, WORKSPACE_MESHES = 16 };
+enum { WORKSPACE_COSTS = 64 };
 
 /* What the scene is drawn into, a strip at a time. */
 struct raster {
@@ -43,14 +43,13 @@ struct workspace {
 	struct programs *programs;
 	struct passes *passes;
 	struct frame_tables *tables;
+	struct scene_store scenes;
 	double slice_ms;
 	int strip_pixels;                                       /* most pixels in a strip */
 	struct buffer rays, radiance, inscatter, transmittance; /* device only */
 	struct buffer output, counters;                         /* mapped */
 	struct buffer surface;                                  /* device only: records of the strip's pixels */
 	struct raster raster;
-	int n_meshes;
-	const struct mesh_header *meshes[WORKSPACE_MESHES];
 	struct buffer meter;                              /* mapped */
 	struct buffer samples, sample_layers;             /* mapped; progressive methods */
 	struct buffer directions, spectral_L, spectral_T; /* photometer; the last two mapped */
@@ -69,9 +68,6 @@ bool workspace_reserve(struct buffer *buffer, size_t size, bool mapped, struct e
 
 /* Makes the raster at least that large. */
 bool workspace_reserve_raster(struct workspace *ws, int width, int height, struct error *err);
-
-/* The mesh of that key; NULL: it is not there. */
-const struct mesh_header *workspace_mesh(const struct workspace *ws, const char *key);
 
 /* Estimated device time per pixel and batch; 0 when this setting has not been seen. */
 double workspace_cost(struct workspace *ws, int method, int steps, int light_steps);
