@@ -194,16 +194,19 @@ static const struct welkin_field built_in[] = {
 		"diffuse and specular, as in 2015).",
 		shadings, AT(scene.shading) },
 	{ "scene.shadow", WELKIN_TYPE_ENUM, "", 0, 0, "gaussian",
-		"How the shadow map is read: none (one comparison), bilinear, gaussian or variance; off for no shadows.",
+		"How the shadow map is read: none (one comparison), bilinear, gaussian or variance; off for no "
+		"shadows.",
 		shadows, AT(scene.shadow) },
 	{ "scene.shadow_region", WELKIN_TYPE_ENUM, "", 0, 0, "static",
-		"What the shadow map covers: static (the whole scene, one map for every camera), fitted (what the view sees) "
+		"What the shadow map covers: static (the whole scene, one map for every camera), fitted (what the view "
+		"sees) "
 		"or cascaded (four maps, finer near the camera).",
 		shadow_regions, AT(scene.shadow_region) },
 	{ "scene.shadow_size", WELKIN_TYPE_INT, "px", 64, 8192, "2048", "Side of the shadow map.", NULL,
 		AT(scene.shadow_size) },
 	{ "scene.shafts", WELKIN_TYPE_ENUM, "", 0, 0, "auto",
-		"Shadows in the air: none, march (every pixel's ray is followed), epipolar (few rays are, in planes through "
+		"Shadows in the air: none, march (every pixel's ray is followed), epipolar (few rays are, in planes "
+		"through "
 		"the sun), or auto, the cheaper of both.",
 		shafts, AT(scene.shafts) },
 	{ "scene.shaft_steps", WELKIN_TYPE_INT, "", 4, 1024, "64",

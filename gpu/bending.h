@@ -6,10 +6,10 @@
 #include "gpu/placing.h"
 
 /*
- * A placed scene bent along the planet: a vertex of the flat mesh at (x, y, z) comes to lie y · scale + altitude above the
- * ground sphere, at the arc's length sqrt(x² + z²) · scale from the mesh's origin. The result, the mesh's frame, has its
- * origin on the ground sphere, y away from the planet's centre, and the axes of placing.h. CPU work in double precision,
- * rounded to float once.
+ * A placed scene bent along the planet: a vertex of the flat mesh at (x, y, z) comes to lie y · scale + altitude above
+ * the ground sphere, at the arc's length sqrt(x² + z²) · scale from the mesh's origin. The result, the mesh's frame,
+ * has its origin on the ground sphere, y away from the planet's centre, and the axes of placing.h. CPU work in double
+ * precision, rounded to float once.
  */
 struct bending {
 	double planet_radius_m, altitude_m, scale;

@@ -118,6 +118,7 @@ bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4
 	sky.storage[BIND_INSCATTER] = f->method->progressive ? ws->sample_layers.id : ws->inscatter.id;
 	sky.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
 	sky.storage[BIND_SURFACES] = ws->surface.id;
+	scenery_bind_rays(ws, f, sky.storage);
 	for (sky.batch = 0; sky.batch < f->scene.n_batches; sky.batch++) {
 		frame_tables(ws, f, sky.batch, NULL);
 		passes_run(ws->passes, &sky);

@@ -1,7 +1,7 @@
 #include "gpu/planner.h"
 
-#include "gpu/choose.h"
 #include "gpu/bending.h"
+#include "gpu/choose.h"
 #include "gpu/view.h"
 
 #include <math.h>

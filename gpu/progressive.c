@@ -115,6 +115,7 @@ bool progressive_photometer_step(struct workspace *ws, struct frame *frame, doub
 	pass.storage[BIND_RADIANCE] = ws->spectral_L.id;
 	pass.storage[BIND_TRANSMITTANCE] = ws->spectral_T.id;
 	pass.storage[BIND_DIRECTIONS] = ws->directions.id;
+	scenery_bind_rays(ws, frame, pass.storage);
 	frame_tables(ws, frame, frame->batch, NULL);
 	passes_run(ws->passes, &pass);
 	if (!frame_settle(ws, frame, groups, 1, err))

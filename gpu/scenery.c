@@ -69,8 +69,11 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	if (!s->surfaces)
 		return false;
 	surfaces_prepare(&f->scene.surfaces, &f->job.request, s->surfaces->low, s->surfaces->high);
-	if (f->plan.features & FEATURE_TRACED)
-		return true;
+	if (f->plan.features & FEATURE_TRACED) {
+		char file[64];
+		snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
+		return (f->sky = programs_get(ws->programs, file, "SCENE=1", err)) != NULL;
+	}
 	struct surfaces_window window;
 	const bool one = whole_window(f, &window);
 	shadow_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
@@ -215,4 +218,10 @@ void scenery_light(
 	surfaces_bind(s->surfaces, ws->passes, pass.storage);
 	pass.storage[BIND_SURFACES] = ws->surface.id;
 	passes_run(ws->passes, &pass);
+}
+
+void scenery_bind_rays(struct workspace *ws, const struct frame *f, unsigned storage[PASS_STORAGE])
+{
+	if (f->plan.features & FEATURE_TRACED)
+		surfaces_bind(f->scenery.surfaces, ws->passes, storage);
 }

@@ -13,8 +13,8 @@ struct frame;
 struct workspace;
 
 struct scenery {
-	bool there; /* the frame has a scene that can matter */
-	struct surfaces *surfaces;      /* good for the slice in hand */
+	bool there;                /* the frame has a scene that can matter */
+	struct surfaces *surfaces; /* good for the slice in hand */
 	const struct program *draw, *gather, *cast, *light;
 };
 
@@ -29,6 +29,9 @@ enum table_state scenery_tables(struct workspace *ws, const struct frame *frame,
 
 /* What the tile's pixels (or a radiance job's directions) show of the scene, into ws->surface; their rays are there. */
 bool scenery_records(struct workspace *ws, const struct frame *frame, const int tile[4], struct error *err);
+
+/* For a pass that follows rays into the scene: which buffers it finds it in. */
+void scenery_bind_rays(struct workspace *ws, const struct frame *frame, unsigned storage[PASS_STORAGE]);
 
 /* Adds the surfaces' light for a batch whose sky is there; storage: the buffers that the sky was given. */
 void scenery_light(struct workspace *ws, const struct frame *frame, const int tile[4], int batch,

@@ -2,9 +2,9 @@
 #define WELKIN_GPU_SURFACES_H
 
 #include "api/error.h"
+#include "gpu/bending.h"
 #include "gpu/bvh.h"
 #include "gpu/mesh.h"
-#include "gpu/bending.h"
 #include "gpu/scene.h"
 #include "gpu/tables.h"
 

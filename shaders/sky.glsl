@@ -24,6 +24,9 @@ float ray_ground_distance(float h, float mu);
  * is left out of the in-scatter layer. A method that draws ground sets it. */
 vec4 ground_reflected = vec4(0.0);
 
+/* Distance to a surface that method_sky() itself met, for the depth layer; negative: none. */
+float surface_reached = -1.0;
+
 /* How many invocations share a ray, each with a result of its own; a method of random samples says more. */
 #ifndef RAY_SHARE
 #define RAY_SHARE 1
@@ -50,6 +53,7 @@ void add_pixel(int i, Ray ray, vec4 L, vec4 T)
 		transmittance[i] = vec4(first ? through : transmittance[i].rgb + through, 1.0);
 	if (feature(FEATURE_LAYERS)) {
 		float ground = ray.pixel_solid_angle < 0.0 ? -1.0 : ray_ground_distance(ray.h, ray.mu);
+		ground = surface_reached >= 0.0 ? surface_reached : ground;
 		vec3 layer = to_rgb(L - ground_reflected);
 		inscatter[i] = vec4(first ? layer : inscatter[i].rgb + layer,
 			ground >= 0.0 ? ground : uintBitsToFloat(0x7f800000u)); /* +inf: none */

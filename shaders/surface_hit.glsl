@@ -21,14 +21,14 @@ vec2 uv_step(vec3 step, vec3 e1, vec3 e2, vec3 face, float area, vec2 d1, vec2 d
 	return (d1 * dot(cross(step, e2), face) + d2 * dot(cross(e1, step), face)) / area;
 }
 
-/* What the camera's ray along d (world) shows of triangle `index`: where they meet or, at the triangle's rim, the point
- * next to that. angle: across the pixel, rad. */
-Surface surface_hit(int index, vec3 d_world, float angle)
+/* What a ray along d from a point relative to the camera (world axes) shows of triangle `index`: where they meet or, at the
+ * triangle's rim, the point next to that. angle: across the ray, rad. */
+Surface surface_hit(int index, vec3 from, vec3 d_world, float angle)
 {
 	Triangle tri = triangles[index];
 	ivec3 v = triangle_vertices(tri);
 	vec3 d = to_mesh(d_world), a = tri.corner[0].xyz, e1 = tri.corner[1].xyz - a, e2 = tri.corner[2].xyz - a;
-	vec3 origin = (surfaces.camera_high.xyz - a) + surfaces.camera_low.xyz, face = cross(e1, e2);
+	vec3 origin = (surfaces.camera_high.xyz - a) + (surfaces.camera_low.xyz + to_mesh(from)), face = cross(e1, e2);
 	float area = max(dot(face, face), 1e-30), facing = dot(d, face);
 	float t = -dot(origin, face) / (abs(facing) > 0.0 ? facing : 1e-30);
 	vec3 p = origin + t * d;

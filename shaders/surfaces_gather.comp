@@ -26,7 +26,7 @@ void main()
 	vec4 d = direction[i];
 	if (covered == 0u || d.w < 0.0)
 		return;
-	Surface hit = surface_hit(int(chosen) - 1, d.xyz, sqrt(d.w));
+	Surface hit = surface_hit(int(chosen) - 1, vec3(0.0), d.xyz, sqrt(d.w));
 	hit.coverage = float(covered) / float(RASTER_SAMPLES);
 	if (!ground_hides(d.xyz, hit.t))
 		surface[i] = surface_pack(hit);
