@@ -63,7 +63,7 @@ static bool begin_meter(struct frame *f)
 		return false;
 	frame->width = width;
 	frame->height = height;
-	frame->features &= FEATURE_GROUND | FEATURE_SURFACES | FEATURE_SHADOWS | FEATURE_TRACED;
+	frame->features &= FEATURE_GROUND | FEATURE_SURFACES | FEATURE_SHADOWS | FEATURE_SHAFTS | FEATURE_TRACED;
 	f->strips = (struct strips){ .width = width, .height = height };
 	f->stage = FRAME_METER;
 	return true;

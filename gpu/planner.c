@@ -1,6 +1,7 @@
 #include "gpu/planner.h"
 
 #include "gpu/bending.h"
+#include "gpu/shafts.h"
 #include "gpu/choose.h"
 #include "gpu/view.h"
 
@@ -138,6 +139,28 @@ static void plan_shadows(struct plan *plan, const struct welkin_job *job, const 
 	}
 }
 
+static void plan_shafts(struct plan *plan, const struct welkin_job *job)
+{
+	static const char pass[] = "shafts";
+	const struct welkin_scene *scene = &job->request.scene;
+	const struct welkin_image *image = &job->request.image;
+	const double pixels =
+		job->kind == WELKIN_JOB_IMAGE ? (double)image->width * image->height : job->n_directions;
+	if (!(plan->features & FEATURE_SHADOWS))
+		planner_note(plan, pass, false, "there is no shadow map");
+	else if (scene->shafts == WELKIN_SHAFTS_NONE)
+		planner_note(plan, pass, false, "not asked for");
+	else {
+		plan->features |= FEATURE_SHAFTS;
+		plan->epipolar = scene->shafts == WELKIN_SHAFTS_EPIPOLAR ||
+				 (scene->shafts == WELKIN_SHAFTS_AUTO && shafts_epipolar_pays(scene->shaft_steps, pixels));
+		if (plan->epipolar)
+			planner_note(plan, pass, true, "epipolar, %d planes", SHAFT_PLANES);
+		else
+			planner_note(plan, pass, true, "%d steps on every ray", scene->shaft_steps);
+	}
+}
+
 /* Lets the scene in where the view may see it. */
 static void plan_surfaces(struct plan *plan, const struct welkin_job *job, const struct mesh_header *mesh,
 	const struct method *method, const struct view_cone *view)
@@ -163,8 +186,10 @@ static void plan_surfaces(struct plan *plan, const struct welkin_job *job, const
 		plan->features |= method->progressive ? FEATURE_TRACED : FEATURE_SURFACES;
 		planner_note(plan, pass, true, "%u triangles%s", mesh->n_indices / 3,
 			method->progressive ? ", met by paths" : "");
-		if (!method->progressive)
+		if (!method->progressive) {
 			plan_shadows(plan, job, mesh);
+			plan_shafts(plan, job);
+		}
 	}
 }
 

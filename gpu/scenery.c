@@ -2,6 +2,7 @@
 
 #include "gpu/frame.h"
 #include "gpu/shadow.h"
+#include "gpu/shafts.h"
 #include "gpu/sky_tables.h"
 
 #include <math.h>
@@ -81,6 +82,13 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
 		s->gather = programs_get(ws->programs, "surfaces_gather.comp", "", err);
 	}
+	if (f->plan.features & FEATURE_SHAFTS) {
+		shafts_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
+		char choices[64];
+		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d", f->plan.epipolar, !f->method->single_scattering);
+		if (!(s->shafts = programs_get(ws->programs, "shafts.comp", choices, err)))
+			return false;
+	}
 	s->cast = programs_get(ws->programs, "surfaces_cast.comp", "", err);
 	s->light = programs_get(
 		ws->programs, "surfaces.comp", f->method->single_scattering ? "AERIAL_MARCH=1" : "AERIAL_MARCH=0", err);
@@ -105,8 +113,13 @@ enum table_state scenery_tables(struct workspace *ws, const struct frame *f, int
 {
 	if (!f->scenery.light)
 		return TABLE_READY;
-	return f->method->single_scattering ? need_multiple(ws->tables, &f->scene, batch, err)
-					    : need_aerial(ws->tables, &f->scene, batch, err);
+	const enum table_state state = f->method->single_scattering
+					       ? need_multiple(ws->tables, &f->scene, batch, err)
+					       : need_aerial(ws->tables, &f->scene, batch, err);
+	if (state != TABLE_READY || !f->plan.epipolar)
+		return state;
+	return shafts_need(
+		ws->tables, &f->scene, f->scenery.surfaces, !f->method->single_scattering, batch, err);
 }
 
 /* ---- records ---- */
@@ -217,6 +230,11 @@ void scenery_light(
 	memcpy(pass.storage, storage, sizeof pass.storage);
 	surfaces_bind(s->surfaces, ws->passes, pass.storage);
 	pass.storage[BIND_SURFACES] = ws->surface.id;
+	passes_run(ws->passes, &pass);
+	if (!s->shafts)
+		return;
+	pass.name = "shafts";
+	pass.program = s->shafts;
 	passes_run(ws->passes, &pass);
 }
 

@@ -15,7 +15,7 @@ struct workspace;
 struct scenery {
 	bool there;                /* the frame has a scene that can matter */
 	struct surfaces *surfaces; /* good for the slice in hand */
-	const struct program *draw, *gather, *cast, *light;
+	const struct program *draw, *gather, *cast, *light, *shafts;
 };
 
 /* After the plan: the programs, and the frame's block. */

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { TABLES_MAX = 256, KEY_MAX = 1024 };
+enum { TABLES_MAX = 256, KEY_MAX = 1280 };
 
 struct table {
 	unsigned texture;  /* 0 and object NULL: the slot is free */
@@ -192,7 +192,7 @@ static bool run(struct frame_tables *tables, struct table *t, int batch, struct 
 	const struct table_desc *desc = t->desc;
 	char file[64];
 	snprintf(file, sizeof file, "tables/%s.comp", desc->name);
-	const struct program *program = programs_get(tables->programs, file, "", err);
+	const struct program *program = programs_get(tables->programs, file, desc->choices ? desc->choices : "", err);
 	if (!program)
 		return false;
 	if (t->previous) {

@@ -30,16 +30,6 @@ bool shadow_holds(vec3 place)
 	return all(greaterThanEqual(place, vec3(0.0))) && all(lessThanEqual(place.xy, vec2(1.0)));
 }
 
-/* 1: lit. One comparison, for points in the air. */
-float shadow_of_point(vec3 v)
-{
-	int cascade;
-	vec3 place = shadow_place(v, cascade);
-	if (!shadow_holds(place))
-		return 1.0;
-	return textureLod(shadow_depth, vec3(place.xy, float(cascade)), 0.0).r < place.z ? 0.0 : 1.0;
-}
-
 float shadow_gaussian(vec3 place, float layer)
 {
 	/* four bilinear taps at ±1.2 texels weigh nearly as a Gaussian of 1.2 texels' deviation over 5 × 5 */

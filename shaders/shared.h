@@ -55,14 +55,22 @@ typedef unsigned int uint;
 #define UNIT_SHADOW 19       /* depth from the sun, a layer for each cascade, compared */
 #define UNIT_SHADOW_DEPTH 20 /* the same, read as it is */
 #define UNIT_SHADOW_MOMENTS 21
-#define UNIT_SHAFTS 22       /* shadowed light by distance, angle from the sun and slice */
-#define UNIT_SHAFT_TREE 23   /* depth from the sun along the slices: minima and maxima */
+#define UNIT_SHAFTS 22       /* shadowed light by angle from the sun, plane and distance */
+#define UNIT_SHAFT_TREE 23   /* depth from the sun along the planes: minima and maxima */
 
 /* Samples of a pixel in the raster pass. */
 #define RASTER_SAMPLES 4
 #define VERTEX_FLOATS 8
 #define VERTEX_BITS 24       /* of a triangle's corner, the rest of its word is a third of the material */
 #define SHADOW_CASCADES 4
+
+/* Samples of the shafts' table: angle from the sun, planes through it, distances; depths along a plane, whose minima and
+ * maxima go up to blocks of 2^SHAFT_LEVELS. */
+#define SHAFT_ANGLES 192
+#define SHAFT_PLANES 256
+#define SHAFT_DISTANCES 32
+#define SHAFT_DEPTHS 1024
+#define SHAFT_LEVELS 5
 
 /* Samples of the four-dimensional scattering table: the sun's angle, the view's zenith angle (above and below the
  * horizon), the angle between their azimuths, altitude. */
@@ -106,6 +114,7 @@ typedef unsigned int uint;
 #define FEATURE_LAYERS 4
 #define FEATURE_SPECTRAL 8 /* radiance job: L and T per band, no matrix */
 #define FEATURE_SURFACES 16 /* BIND_SURFACES says what of a scene the pixels show */
+#define FEATURE_SHAFTS 128 /* the scene shadows the air */
 #define FEATURE_TRACED 64 /* paths meet the scene */
 #define FEATURE_SHADOWS 32 /* the shadow map is there */
 
@@ -207,7 +216,9 @@ WELKIN_BLOCK(SurfacesBlock, BIND_SURFACES_BLOCK)
 	int shading, shadow_filter, shadow_cascades, shadow_size; /* enums of api/request.h */
 	float shadow_depth;    /* m: from depth 0 to 1 of cascade 0 */
 	int shaft_steps, shadow_region;
-	int reserved1;
+	float shaft_phi;       /* rad: middle of the planes through the sun that the view has */
+	vec4 shaft_range;      /* rad: angle from the sun, from and to; angle of the plane about shaft_phi, from and to */
+	vec4 shaft_reach;      /* m from the camera, from and to: where the mesh can throw shadows */
 WELKIN_BLOCK_END(surfaces)
 
 /* The sky of method fitted for a batch; gpu/fitted.h. */

@@ -37,7 +37,17 @@ void method_sky(Ray ray, out vec4 L, out vec4 T)
 	int index = int(gl_GlobalInvocationID.x), group = samples.x + index % samples.y;
 	uvec2 pixel = uvec2(tile.x + (index / samples.y) % tile.z, tile.y + (index / samples.y) / tile.z);
 	rng_seed(pixel.x + 65536u * pixel.y, uint(group) + 16777216u * uint(batch), frame.seed);
-	for (int i = 0; i < samples.z; i++)
+#ifdef SCENE
+	vec3 x = normalize(cross(ray.d, frame.camera_up.xyz)), y = cross(x, ray.d);
+	float angle = sqrt(max(ray.pixel_solid_angle, 0.0));
+#endif
+	for (int i = 0; i < samples.z; i++) {
+#ifdef SCENE /* edges and textures are finer than a pixel, and every path looks elsewhere in it */
+		start.d = normalize(ray.d + angle * ((rng_next() - 0.5) * x + (rng_next() - 0.5) * y));
+		start.at = start.d * entered;
+		start.up = entered > 0.0 ? normalize(ray.up * (media.planet_radius + ray.h) + start.at) : ray.up;
+#endif
 		L += trace(start, (float(i) + rng_next()) / float(samples.z), samples.w);
+	}
 	L = L / float(samples.z);
 }
