@@ -12,7 +12,7 @@
 layout(binding = UNIT_SHAFTS) uniform sampler3D shafts_table;
 
 const int SOURCE_EVERY = 8;   /* samples of the shadow for one of the light: that varies slowly */
-const int REST_SAMPLES = 6;
+const int REST_SAMPLES = 4;
 
 /* Following the ray up to distance `end`. */
 vec4 lost_by_march(ShaftRay ray, float end)
@@ -21,7 +21,7 @@ vec4 lost_by_march(ShaftRay ray, float end)
 	vec4 lost = vec4(0.0);
 	if (ray.entered < 0.0 || way.y <= way.x)
 		return lost;
-	vec3 column = shaft_column(ray, max(ray.entered, 0.0), way.x);
+	vec3 column = shaft_column(ray, max(ray.entered, 0.0), way.x, 6);
 	int pieces = max(surfaces.shaft_steps / SOURCE_EVERY, 1);
 	float dt = (way.y - way.x) / float(pieces);
 	for (int i = 0; i < pieces; i++) {
@@ -56,10 +56,12 @@ vec4 lost_by_table(vec3 d, ShaftRay ray, float end)
 		vec3 place = ray.place + t * ray.step;
 		shadowed += shadow_holds(place) && shaft_shadowed(ray, t) ? 1 : 0;
 	}
-	if (shadowed == 0)
-		return lost;
-	vec3 column = shaft_column(ray, max(ray.entered, 0.0), from);
-	return lost + shaft_source(ray, from + 0.5 * dt, dt, column) * (dt * float(shadowed) / float(REST_SAMPLES));
+	/* a loop, which llvmpipe leaves out for pixels that need it not, and not a branch, whose cost it pays for all */
+	for (int left = min(shadowed, 1); left > 0; left--) {
+		vec3 column = shaft_column(ray, max(ray.entered, 0.0), from, 2);
+		lost += shaft_source(ray, from + 0.5 * dt, dt, column) * (dt * float(shadowed) / float(REST_SAMPLES));
+	}
+	return lost;
 }
 
 void main()
@@ -74,11 +76,10 @@ void main()
 	ShaftRay ray = shaft_ray(at.xyz);
 	float covered = surface_coverage(record), ground = ray_ground_distance(ray.h, ray.mu);
 	vec4 lost = vec4(0.0);
-	for (int side = 0; side < 2; side++) {
+	/* the surface's share of the pixel, then the sky's: few have both, and nothing should cost them all twice */
+	for (int side = covered > 0.0 ? 0 : 1; side <= (covered < 1.0 ? 1 : 0); side++) {
 		float weight = side == 0 ? covered : 1.0 - covered;
 		float end = side == 0 ? uintBitsToFloat(record.x) : ground >= 0.0 ? ground : 1e9;
-		if (weight <= 0.0)
-			continue;
 #if EPIPOLAR
 		lost += weight * lost_by_table(at.xyz, ray, end);
 #else

@@ -67,14 +67,12 @@ vec4 shaft_source(ShaftRay ray, float t, float dt, inout vec3 column)
 	return bands.sun_irradiance * scattering * exp(-shaft_depth(half_way + sun_column(h, mu_s)));
 }
 
-const int SHAFT_APPROACH = 6;
-
 /* Column between two distances, by a few steps. */
-vec3 shaft_column(ShaftRay ray, float from, float to)
+vec3 shaft_column(ShaftRay ray, float from, float to, int steps)
 {
 	vec3 column = vec3(0.0);
-	float dt = max(to - from, 0.0) / float(SHAFT_APPROACH);
-	for (int i = 0; i < SHAFT_APPROACH; i++)
+	float dt = max(to - from, 0.0) / float(steps);
+	for (int i = 0; i < steps; i++)
 		column += dt * density_at(altitude_at(ray.h, ray.mu, from + (float(i) + 0.5) * dt));
 	return column;
 }

@@ -16,20 +16,23 @@ vec4 spectral_albedo(vec3 rgb)
 }
 
 /* Irradiance from sky and ground on a plane with normal n at altitude h, per sun irradiance of 1: the cosine lobe's
- * expansion to degree 2 (Ramamoorthi & Hanrahan 2001) on the table's moments, with the level plane's exact value put in. */
-vec4 sky_irradiance(float h, vec3 up, vec3 n)
+ * expansion to degree 2 (Ramamoorthi & Hanrahan 2001) on the table's moments, with the level plane's exact value put in; that
+ * is `level`. */
+vec4 sky_irradiance(float h, vec3 up, vec3 n, out vec4 level)
 {
 	float mu_s = clamp(dot(up, frame.sun_direction.xyz), -1.0, 1.0), nz = dot(n, up);
 	float nx = (dot(n, frame.sun_direction.xyz) - nz * mu_s) * inversesqrt(max(1.0 - mu_s * mu_s, 1e-6));
 	nx = clamp(nx, -1.0, 1.0);
 	vec2 uv = multiple_from_point(h, mu_s);
-	Moments m = multiple_moments(h, mu_s);
-	vec4 level = multiple_layer(uv, 6) * m.m0;
+	/* relative to the radiance from all around, as the table has them */
+	vec4 m0 = exp2(multiple_layer(uv, 0)), m_xx = multiple_layer(uv, 1), m_zz = multiple_layer(uv, 2);
+	vec4 m_xz = multiple_layer(uv, 3), v_x = multiple_layer(uv, 4), v_z = multiple_layer(uv, 5), exact = multiple_layer(uv, 6);
 	float xx = min(nx * nx, 1.0 - min(nz * nz, 1.0)), yy = max(1.0 - nz * nz - xx, 0.0);
-	vec4 q = m.xx * xx + (m.m0 - m.xx - m.zz) * yy + m.zz * (nz * nz) + 2.0 * m.xz * (nx * nz);
-	vec4 E = (0.25 - 5.0 / 32.0) * m.m0 + 0.5 * (m.vx * nx + m.vz * nz) + 15.0 / 32.0 * q;
-	vec4 E_level = (0.25 - 5.0 / 32.0) * m.m0 + 0.5 * m.vz + 15.0 / 32.0 * m.zz;
-	return max(E + (level - E_level) * max(nz, 0.0), 0.0);
+	vec4 q = m_xx * xx + (1.0 - m_xx - m_zz) * yy + m_zz * (nz * nz) + m_xz * (2.0 * nx * nz);
+	const float c0 = 0.25 - 5.0 / 32.0, c2 = 15.0 / 32.0;
+	vec4 E = c0 + 0.5 * (v_x * nx + v_z * nz) + c2 * q, E_level = c0 + 0.5 * v_z + c2 * m_zz;
+	level = m0 * exact;
+	return m0 * max(E + (exact - E_level) * max(nz, 0.0), 0.0);
 }
 
 struct Lighting {

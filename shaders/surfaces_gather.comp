@@ -24,10 +24,11 @@ void main()
 	chosen = chosen != 0u ? chosen : max(max(s.x, s.y), max(s.z, s.w));
 	surface[i] = uvec4(0u);
 	vec4 d = direction[i];
-	if (covered == 0u || d.w < 0.0)
-		return;
-	Surface hit = surface_hit(int(chosen) - 1, vec3(0.0), d.xyz, sqrt(d.w));
-	hit.coverage = float(covered) / float(RASTER_SAMPLES);
-	if (!ground_hides(d.xyz, hit.t))
-		surface[i] = surface_pack(hit);
+	/* a loop, which llvmpipe leaves out where nothing is to be seen, and not a branch, whose cost it pays for all */
+	for (int left = covered > 0u && d.w >= 0.0 ? 1 : 0; left > 0; left--) {
+		Surface hit = surface_hit(int(chosen) - 1, vec3(0.0), d.xyz, sqrt(d.w));
+		hit.coverage = float(covered) / float(RASTER_SAMPLES);
+		if (!ground_hides(d.xyz, hit.t))
+			surface[i] = surface_pack(hit);
+	}
 }

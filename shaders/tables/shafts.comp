@@ -46,7 +46,7 @@ void main()
 	ShaftRay ray = shaft_ray(shaft_direction(angles));
 	vec2 line = shaft_line(angles.y + surfaces.shaft_phi);
 	float scale = float(SHAFT_DEPTHS) / max(line.y - line.x, 1e-3), sine = max(sin(angles.x), 1e-6);
-	vec3 column = shaft_column(ray, max(ray.entered, 0.0), surfaces.shaft_reach.x);
+	vec3 column = shaft_column(ray, max(ray.entered, 0.0), surfaces.shaft_reach.x, 6);
 	vec4 lost = vec4(0.0);
 	imageStore(table, ivec3(at, 0), vec4(0.0));
 	for (int k = 0; k < SHAFT_DISTANCES; k++) {
