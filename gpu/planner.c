@@ -1,8 +1,8 @@
 #include "gpu/planner.h"
 
 #include "gpu/bending.h"
-#include "gpu/shafts.h"
 #include "gpu/choose.h"
+#include "gpu/shafts.h"
 #include "gpu/view.h"
 
 #include <math.h>
@@ -144,16 +144,16 @@ static void plan_shafts(struct plan *plan, const struct welkin_job *job)
 	static const char pass[] = "shafts";
 	const struct welkin_scene *scene = &job->request.scene;
 	const struct welkin_image *image = &job->request.image;
-	const double pixels =
-		job->kind == WELKIN_JOB_IMAGE ? (double)image->width * image->height : job->n_directions;
+	const double pixels = job->kind == WELKIN_JOB_IMAGE ? (double)image->width * image->height : job->n_directions;
 	if (!(plan->features & FEATURE_SHADOWS))
 		planner_note(plan, pass, false, "there is no shadow map");
 	else if (scene->shafts == WELKIN_SHAFTS_NONE)
 		planner_note(plan, pass, false, "not asked for");
 	else {
 		plan->features |= FEATURE_SHAFTS;
-		plan->epipolar = scene->shafts == WELKIN_SHAFTS_EPIPOLAR ||
-				 (scene->shafts == WELKIN_SHAFTS_AUTO && shafts_epipolar_pays(scene->shaft_steps, pixels));
+		plan->epipolar =
+			scene->shafts == WELKIN_SHAFTS_EPIPOLAR ||
+			(scene->shafts == WELKIN_SHAFTS_AUTO && shafts_epipolar_pays(scene->shaft_steps, pixels));
 		if (plan->epipolar)
 			planner_note(plan, pass, true, "epipolar, %d planes", SHAFT_PLANES);
 		else

@@ -11,9 +11,9 @@
  * Pure CPU work on the prepared scene.
  */
 struct plan {
-	int features; /* FEATURE_ bits for the frame block */
+	int features;  /* FEATURE_ bits for the frame block */
 	bool epipolar; /* FEATURE_SHAFTS: by epipolar sampling */
-	bool meter;   /* the exposure has to be measured on the view */
+	bool meter;    /* the exposure has to be measured on the view */
 	int n;
 	struct welkin_plan_entry entries[WELKIN_MAX_PASSES];
 };

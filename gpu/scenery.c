@@ -85,7 +85,8 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	if (f->plan.features & FEATURE_SHAFTS) {
 		shafts_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
 		char choices[64];
-		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d", f->plan.epipolar, !f->method->single_scattering);
+		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d", f->plan.epipolar,
+			!f->method->single_scattering);
 		if (!(s->shafts = programs_get(ws->programs, "shafts.comp", choices, err)))
 			return false;
 	}
@@ -99,7 +100,8 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 static enum table_state find_open_sky(struct workspace *ws, struct surfaces *s, struct error *err)
 {
 	enum { VERTICES_PER_SLICE = 4096 };
-	const uint32_t left = s->n_vertices - s->ambient_done, n = left < VERTICES_PER_SLICE ? left : VERTICES_PER_SLICE;
+	const uint32_t left = s->n_vertices - s->ambient_done,
+		       n = left < VERTICES_PER_SLICE ? left : VERTICES_PER_SLICE;
 	if (n == 0 || s->n_triangles == 0)
 		return TABLE_READY;
 	struct pass pass = { .name = "open-sky",
@@ -132,13 +134,11 @@ enum table_state scenery_tables(struct workspace *ws, const struct frame *f, int
 {
 	if (!f->scenery.light)
 		return TABLE_READY;
-	const enum table_state state = f->method->single_scattering
-					       ? need_multiple(ws->tables, &f->scene, batch, err)
-					       : need_aerial(ws->tables, &f->scene, batch, err);
+	const enum table_state state = f->method->single_scattering ? need_multiple(ws->tables, &f->scene, batch, err)
+								    : need_aerial(ws->tables, &f->scene, batch, err);
 	if (state != TABLE_READY || !f->plan.epipolar)
 		return state;
-	return shafts_need(
-		ws->tables, &f->scene, f->scenery.surfaces, !f->method->single_scattering, batch, err);
+	return shafts_need(ws->tables, &f->scene, f->scenery.surfaces, !f->method->single_scattering, batch, err);
 }
 
 /* ---- records ---- */

@@ -39,12 +39,13 @@ static void direction_at(const struct surfaces_window *w, double x, double y, do
 		d[k] /= sqrt(length);
 }
 
-/* The angles that a window has. Its border holds the extremes, unless the sun or the point across from it lies within, where
- * all planes meet. */
+/* The angles that a window has. Its border holds the extremes, unless the sun or the point across from it lies within,
+ * where all planes meet. */
 static void find_range(struct SurfacesBlock *block, const struct surfaces_window *window)
 {
 	enum { N = 64 };
-	double d[3], middle, phi0, low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY }, turns = 0, last = 0;
+	double d[3], middle, phi0, low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY }, turns = 0,
+				   last = 0;
 	direction_at(window, 0, 0, d);
 	angles_of(block, d, &middle, &phi0);
 	for (int i = 0; i <= 4 * N; i++) {
@@ -93,8 +94,8 @@ void shafts_prepare(struct SurfacesBlock *block, const struct welkin_request *re
 		find_range(block, window);
 }
 
-/* Measured on llvmpipe: a ray of the table costs about as much as forty steps of a pixel's, and what a pixel reads as much as
- * eight. */
+/* Measured on llvmpipe: a ray of the table costs about as much as forty steps of a pixel's, and what a pixel reads as
+ * much as eight. */
 bool shafts_epipolar_pays(int shaft_steps, double pixels)
 {
 	return pixels * (shaft_steps - 8) > 40.0 * SHAFT_ANGLES * SHAFT_PLANES;
