@@ -42,6 +42,7 @@ struct Lighting {
 	vec4 level_sky; /* on level ground */
 	float lit;      /* share of the sun that is seen */
 	float level_sun; /* cosine of the sun to the vertical, 0 below the horizon */
+	float rise;      /* cosine of the normal to the vertical */
 	float open;
 };
 
@@ -61,15 +62,19 @@ vec3 specular_brdf(Material m, Lighting light)
 	return fresnel * (a2 / (PI * d * d) * ggx_visibility(sqrt(a2), nl, nv));
 }
 
-/* Radiance towards the viewer. What hides the sky is taken to be as bright as level ground of the surface's own
- * colour under half a sun. */
+/*
+ * Radiance towards the viewer. The table's light from below is that of endless level ground; around a surface of the scene there
+ * is more of the scene. So what the surface sees below the horizon, and what hides the sky from it, are taken to be of its own colour
+ * and lit or shadowed like it; of what stands up against the sky half is lit.
+ */
 vec4 shade_physical(Material m, vec3 albedo, Lighting light)
 {
-	vec4 rho = spectral_albedo(albedo);
-	float nl = max(dot(light.n, light.l), 0.0);
-	vec4 hidden = rho * (light.level_sky + 0.5 * light.level_sun * light.sun);
-	vec4 E = light.sky * light.open + hidden * (1.0 - light.open);
-	vec4 direct = light.sun * (light.lit * nl);
+	vec4 rho = spectral_albedo(albedo), level_sun = light.level_sun * light.sun;
+	float nl = max(dot(light.n, light.l), 0.0), below = 0.5 - 0.5 * clamp(light.rise, -1.0, 1.0);
+	vec4 from_above = max(light.sky - below * bands.ground_albedo * (light.level_sky + level_sun), 0.0);
+	vec4 from_below = below * rho * (light.level_sky + light.lit * level_sun);
+	vec4 hidden = (1.0 - below) * rho * (light.level_sky + 0.5 * light.lit * level_sun);
+	vec4 E = mix(hidden, from_above, light.open) + from_below, direct = light.sun * (light.lit * nl);
 	vec4 glint = spectral_albedo(clamp(specular_brdf(m, light), 0.0, 1e3));
 	return rho * (E + direct) / PI + glint * direct;
 }

@@ -31,6 +31,7 @@ void light_pixel(int i, vec3 d, Surface s)
 	light.sky = bands.sun_irradiance * sky_irradiance(h, up, s.normal, light.level_sky);
 	light.level_sky *= bands.sun_irradiance;
 	light.level_sun = max(mu_s, 0.0);
+	light.rise = dot(s.normal, up);
 	light.open = s.open;
 	light.lit = dot(s.face, light.l) > 0.0 ? 1.0 : 0.0;
 	if (feature(FEATURE_SHADOWS))

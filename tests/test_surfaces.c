@@ -214,39 +214,64 @@ static void bending_keeps_heights_and_lengths(void **state)
 
 /* ---- what is drawn ---- */
 
-static void direction_at(const struct welkin_request *r, size_t pixel, double d[3])
+/* World direction of a point in the image. */
+static void direction_of_point(const struct welkin_request *r, double px, double py, double d[3])
 {
-	const int width = r->image.width, height = r->image.height;
 	const double tan_half = tan(r->camera.fov_deg * M_PI / 360), heading = r->camera.heading_deg * M_PI / 180;
-	const double x = ((double)(pixel % (size_t)width) + 0.5 - width / 2.0) / (height / 2.0) * tan_half;
-	const double y = (height / 2.0 - (double)(pixel / (size_t)width) - 0.5) / (height / 2.0) * tan_half;
-	const double length = sqrt(x * x + y * y + 1), pitch = r->camera.pitch_deg * M_PI / 180;
-	const double ahead = cos(pitch) - y * sin(pitch);
+	const double half = r->image.height / 2.0, pitch = r->camera.pitch_deg * M_PI / 180;
+	const double x = (px - r->image.width / 2.0) / half * tan_half, y = (half - py) / half * tan_half;
+	const double length = sqrt(x * x + y * y + 1), ahead = cos(pitch) - y * sin(pitch);
 	d[0] = (x * cos(heading) + ahead * sin(heading)) / length;
 	d[1] = (sin(pitch) + y * cos(pitch)) / length;
 	d[2] = (x * sin(heading) - ahead * cos(heading)) / length;
 }
 
-/* The depth layer is the distance at which a ray through the pixel's centre meets the mesh, raster and cast alike. */
+static void direction_at(const struct welkin_request *r, size_t pixel, double d[3])
+{
+	const size_t width = (size_t)r->image.width;
+	direction_of_point(r, (double)(pixel % width) + 0.5, (double)(pixel / width) + 0.5, d);
+}
+
+/* How far depth varies within a pixel whose centre is at t. */
+static double depth_spread(const struct model *m, const struct welkin_request *r, size_t pixel, double t)
+{
+	const size_t width = (size_t)r->image.width;
+	double most = 0;
+	for (int corner = 0; corner < 4; corner++) {
+		double d[3], at = 1e9;
+		direction_of_point(
+			r, (double)(pixel % width) + (corner & 1), (double)(pixel / width) + (corner >> 1), d);
+		bvh_trace(&m->bvh, (const float(*)[9])m->corners, r->camera.position_m, d, &at);
+		most = fmax(most, fabs(at - t));
+	}
+	return most;
+}
+
+/* The depth layer is the distance at which a ray through the pixel's centre meets the mesh, or nearly, where an edge
+ * passes between the centre and all samples; raster and cast alike. */
 static void depth_is_where_rays_meet_the_mesh(void **state)
 {
 	(void)state;
 	struct welkin_request r = view("sky_view", -3500, 900, 300, 90, 20);
 	r.camera.pitch_deg = -10;
+	r.camera.fov_deg = 12;
 	struct model m = model_of(mountain, &r);
 	struct picture p = render(&r, mountain_key);
 	size_t met = 0, off = 0;
 	for (size_t i = 0; i < p.n; i++) {
-		double d[3], t = 1e9;
+		double d[3], t = 1e9, error;
 		direction_at(&r, i, d);
 		if (bvh_trace(&m.bvh, (const float(*)[9])m.corners, r.camera.position_m, d, &t) < 0)
 			continue;
 		met++;
-		off += fabs((double)p.depth[i] - t) > 0.002 * t; /* a ridge may cross a pixel beside its centre */
+		error = fabs((double)p.depth[i] - t);
+		off += error > 1e-4 * t;
+		if (error > 1e-4 * t && error > 1.01 * depth_spread(&m, &r, i, t))
+			fail_msg("pixel %zu: depth %g, by a ray %g", i, (double)p.depth[i], t);
 	}
 	assert_in_range(met, p.n / 4, p.n);
-	if (off > met / 50)
-		fail_msg("%zu of %zu depths are off", off, met);
+	print_message("%zu of %zu pixels show a neighbour of the triangle at their centre\n", off, met);
+	assert_true(off < met / 10);
 	free(p.pixels);
 
 	/* the same by rays: a dome's middle looks where the picture's does */
@@ -379,7 +404,7 @@ static void shadows_agree_with_rays(void **state)
 			const double share = shadow_agreement(mountain, mountain_key, r);
 			print_message("mountain, sun %2g deg, region %d: %.2f %% of pixels agree\n", suns_deg[i],
 				region, 100 * share);
-			assert_true(share >= 0.99);
+			assert_true(share >= (suns_deg[i] < 2 ? 0.98 : 0.99)); /* at 1 deg a texel is 57 deep */
 		}
 }
 
