@@ -13,7 +13,7 @@
 /* Molecules per m² in one Dobson unit. */
 static const double dobson_per_m2 = 2.687e20;
 
-/* Nodes of the rule that builds tables: columns converge below 1e-6 (tests/test_scene.c). */
+/* Nodes of the rule that builds tables: columns converge below 1e-6 (tests/test_quadrature.c). */
 enum { TABLE_STEPS = 96 };
 
 /* Zenith angles above and below the horizon from which the multiple-scattering table gathers. */
@@ -21,6 +21,9 @@ enum { AROUND_STEPS = 12 };
 
 /* Nodes between two distances of the aerial-perspective table. */
 enum { SLICE_STEPS = 3 };
+
+/* Steps that a piece of a ray gets at least, if that many were asked for. */
+enum { PIECE_STEPS = 4 };
 
 static const double PEAK_DEG = 6;
 
@@ -118,9 +121,11 @@ static void add_rule(struct scene *scene, int rule, int n)
 	scene->n_nodes += n;
 }
 
-static int at_least_one(int n)
+/* Steps for each of the pieces. Fewer than PIECE_STEPS on a piece would show where a ray gets one piece more. */
+static int share_of_steps(int steps, int pieces)
 {
-	return n < 1 ? 1 : n;
+	const int share = steps / pieces, least = steps < PIECE_STEPS ? steps : PIECE_STEPS;
+	return share > least ? share : least;
 }
 
 /* The aerosol's phase function, per steradian; the same formulas as in shaders/atmosphere.glsl. */
@@ -172,9 +177,9 @@ static void set_media(struct scene *scene, const struct welkin_atmosphere *air)
 	media->light_steps = air->light_steps;
 	media->turbidity = (float)air->turbidity;
 	for (int pieces = 1; pieces <= 4; pieces++)
-		add_rule(scene, RULE_VIEW + pieces - 1, at_least_one(air->steps / pieces));
+		add_rule(scene, RULE_VIEW + pieces - 1, share_of_steps(air->steps, pieces));
 	for (int pieces = 1; pieces <= 2; pieces++) {
-		add_rule(scene, RULE_LIGHT + pieces - 1, at_least_one(air->light_steps / pieces));
+		add_rule(scene, RULE_LIGHT + pieces - 1, share_of_steps(air->light_steps, pieces));
 		add_rule(scene, RULE_TABLE + pieces - 1, TABLE_STEPS / pieces);
 	}
 	add_rule(scene, RULE_AROUND, AROUND_STEPS);

@@ -85,8 +85,9 @@ typedef unsigned int uint;
 #define AERIAL_DISTANCES 32
 
 /* MediaBlock.rule: Gauss-Legendre on [0,1]. A view ray cut into k pieces uses RULE_VIEW + k - 1 on
- * each, so that its steps add up to atmosphere.steps; RULE_LIGHT likewise for atmosphere.light_steps
- * on rays to the sun (1 or 2 pieces), RULE_TABLE for tables, whose accuracy is not the client's choice. */
+ * each: its steps add up to atmosphere.steps, or to a few more where pieces would get next to none.
+ * RULE_LIGHT likewise for atmosphere.light_steps on rays to the sun (1 or 2 pieces), RULE_TABLE for
+ * tables, whose accuracy is not the client's choice. */
 #define RULE_VIEW 0
 #define RULE_LIGHT 4
 #define RULE_TABLE 6

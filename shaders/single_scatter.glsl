@@ -37,6 +37,15 @@ struct ViewRay {
 	float extent;  /* to the ground, to the top, or as far as it is followed */
 };
 
+/* Distance to where the ray is lowest; 0 where it only rises, and where it sinks so little that the air gets no denser
+ * on the way: a cut there would spend half of the steps on next to nothing, which at few steps drew a line at eye level. */
+float lowest_point(ViewRay ray)
+{
+	float r = media.planet_radius + ray.h, lowest = clamp(-r * ray.mu, 0.0, ray.extent);
+	float sinks = lowest * lowest / (2.0 * r);
+	return sinks > 0.1 * min(media.rayleigh_scale_height, media.aerosol_scale_height) ? lowest : 0.0;
+}
+
 /* Where the ray is inside the planet's shadow: x to y, x >= y when nowhere. */
 vec2 shadow_interval(ViewRay ray, vec3 view, vec3 to_sun)
 {
@@ -146,7 +155,7 @@ void integrate_pieces(inout Integral integral, Stretch stretch)
 {
 	ViewRay ray = stretch.ray;
 	vec2 dark = stretch.dark;
-	float lowest = clamp(-(media.planet_radius + ray.h) * ray.mu, 0.0, ray.extent);
+	float lowest = lowest_point(ray);
 	vec3 cuts = vec3(min(lowest, dark.x), clamp(lowest, dark.x, dark.y), max(lowest, dark.y));
 	bvec3 inside = bvec3(uvec3(greaterThan(cuts, vec3(0.0))) & uvec3(lessThan(cuts, vec3(ray.extent))) &
 			     uvec3(greaterThan(cuts, vec3(0.0, cuts.xy))));

@@ -44,6 +44,16 @@ run_tests build-asan $(all_tests | grep -v -x -f tests/asan_skip.txt)
 ASAN_OPTIONS=detect_leaks=0 run_tests build-asan test_render_command
 unset ASAN_OPTIONS LSAN_OPTIONS
 
+step "tests with threads under ThreadSanitizer"
+threaded="test_cache test_queue test_sun test_png test_exr test_http"
+make -j"$jobs" --no-print-directory B=build-tsan SANITIZER=thread OPT='-O1 -g' all $(printf 'build-tsan/tests/%s ' $threaded)
+# gcc 12's runtime does not start where the kernel spreads addresses wider than Debian 12's does.
+if build-tsan/welkin --version >/dev/null 2>&1; then
+	run_tests build-tsan $threaded
+else
+	echo "skipped: ThreadSanitizer does not start on this kernel (vm.mmap_rnd_bits above 28)"
+fi
+
 step "deployment files"
 tests/deploy_check.sh build/welkin
 

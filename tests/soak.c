@@ -129,8 +129,7 @@ int main(int argc, char **argv)
 {
 	int requests = 2000;
 	bool smoke = false;
-	/* A cache smaller than what is rendered, so that it is full, and flat, early. */
-	/* small caches, so that they are full when the warm-up ends and what grows after it is a leak */
+	/* Small caches, so that they are full when the warm-up ends and what grows after it is a leak. */
 	const char *options[] = { "--cache-mib", "1", "--device", "auto", "--table-mib", "48", NULL };
 	for (int i = 1; i < argc; i++) {
 		if (!strcmp(argv[i], "--smoke"))

@@ -9,6 +9,7 @@
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include <cmocka.h>
 
@@ -88,6 +89,51 @@ static void check_same(double got, double wanted)
 {
 	if (!(fabs(got - wanted) <= 1e-5 * fabs(wanted)))
 		fail_msg("got %.12g, wanted %.12g", got, wanted);
+}
+
+static int method_called(const char *name)
+{
+	int method = 0;
+
+	while (strcmp(welkin_method_names[method], name))
+		method++;
+	return method;
+}
+
+/* Rays that sink a little before they rise get their steps in other pieces than those that only rise. No
+ * number of steps may show where that begins: it is a line at eye level, above the true horizon. */
+static void test_no_line_at_eye_level(void **state)
+{
+	enum { N = 41 };
+	static const char *const methods[] = { "march", "depth_table", "chapman", "sky_view" };
+	static const double heights[] = { 1.7, 100 };
+	const struct welkin_radiance_layout at = welkin_radiance_layout(N, ACCURACY_WAVELENGTHS);
+	double worst = 0;
+
+	(void)state;
+	for (int k = 0; k < 4 * 2 * 3; k++) {
+		struct welkin_request r = request_of(WELKIN_EARTH, 0, 50);
+		struct welkin_result result;
+		double d[N][3], *reply;
+		const double h = heights[k / 4 % 2], dip_deg = sqrt(2 * h / r.atmosphere.planet_radius_m) * 180 / M_PI;
+
+		r.camera.altitude_m = r.camera.position_m[1] = h;
+		r.atmosphere.method = method_called(methods[k % 4]);
+		r.atmosphere.steps = r.atmosphere.light_steps = (const int[]){ 4, 8, 30 }[k / 8];
+		for (int i = 0; i < N; i++)
+			direction_of((i - N / 2) * 0.04 * dip_deg, 30, d[i]);
+		assert_true(lib_radiance(&renderer, &r, d, N, accuracy_nm, ACCURACY_WAVELENGTHS, &reply, &result));
+		for (int i = ACCURACY_WAVELENGTHS; i < N * ACCURACY_WAVELENGTHS; i++) {
+			const double step = reply[at.radiance + i] / reply[at.radiance + i - ACCURACY_WAVELENGTHS] - 1;
+
+			worst = fmax(worst, fabs(step));
+			if (!(fabs(step) < 0.005))
+				fail_msg("%s, %d steps, from %g m: %+.1f %% between neighbours", methods[k % 4],
+					r.atmosphere.steps, h, 100 * step);
+		}
+		free(reply);
+	}
+	print_message("at eye level: neighbours differ by %.2f %% at most\n", 100 * worst);
 }
 
 /* From space past the atmosphere: nothing, and nothing in the way. */
@@ -243,8 +289,7 @@ static void test_random_worlds(void **state)
 				peak[w] = fmax(peak[w], wanted[i][w].radiance);
 		}
 		quadrature_destroy(q);
-		for (r.atmosphere.method = 0; welkin_method_names[r.atmosphere.method][0] != 'm';)
-			r.atmosphere.method++;
+		r.atmosphere.method = method_called("march");
 		r.atmosphere.steps = r.atmosphere.light_steps = 96;
 		assert_true(lib_radiance(&renderer, &r, d, N, accuracy_nm, ACCURACY_WAVELENGTHS, &reply, &result));
 		for (int i = 0; i < N * ACCURACY_WAVELENGTHS; i++) {
@@ -274,6 +319,7 @@ int main(void)
 		cmocka_unit_test(test_depth_table_at_30_steps),
 		cmocka_unit_test(test_march_at_512_by_512),
 		cmocka_unit_test(test_error_falls),
+		cmocka_unit_test(test_no_line_at_eye_level),
 		cmocka_unit_test(test_past_the_atmosphere),
 		cmocka_unit_test(test_presets_are_the_measured_ones),
 		cmocka_unit_test(test_random_worlds),
