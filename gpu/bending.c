@@ -50,6 +50,21 @@ void bending_vertex(const struct bending *b, const struct mesh_vertex *from, str
 	memcpy(to->uv, from->uv, sizeof to->uv);
 }
 
+void bending_flatten(const struct welkin_request *request, const double world[3], double flat[3])
+{
+	const struct bending b = bending_of(request);
+	const double R = b.planet_radius_m;
+	double p[3];
+	bending_from_world(request, world, p);
+	const double across = hypot(p[0], p[2]), r = hypot(across, p[1] + R);
+	const double arc = R * atan2(across, p[1] + R), scale = across > 0 ? arc / across / b.scale : 0;
+	/* r - R, without the digits that both share */
+	const double h = (across * across + p[1] * (p[1] + 2 * R)) / (r + R);
+	flat[0] = p[0] * scale;
+	flat[1] = (h - b.altitude_m) / b.scale;
+	flat[2] = p[2] * scale;
+}
+
 double bending_sphere(const struct mesh_header *mesh, const struct welkin_request *request, double center[3])
 {
 	const struct bending bending = bending_of(request);

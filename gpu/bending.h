@@ -24,6 +24,9 @@ void bending_vertex(const struct bending *bending, const struct mesh_vertex *fro
 void bending_from_world(const struct welkin_request *request, const double world[3], double mesh[3]);
 void bending_turn(const struct placing *placing, const double world[3], double mesh[3]);
 
+/* The point of the flat mesh, before scaling, that comes to lie at a point of the world frame. */
+void bending_flatten(const struct welkin_request *request, const double world[3], double flat[3]);
+
 /* A sphere that holds the bent mesh: its radius; center in the world frame of the request. */
 double bending_sphere(const struct mesh_header *mesh, const struct welkin_request *request, double center[3]);
 

@@ -215,25 +215,14 @@ static bool first_hit(const struct heights *h, const struct line *line, double *
 	return *t < INFINITY;
 }
 
-bool heights_at(
-	const struct heights *h, const struct placing *placing, double radius, const double world[3], double *altitude)
+bool heights_at(const struct heights *h, const double flat[3], double *height)
 {
-	const double up[3] = { world[0], world[1] + radius, world[2] };
-	const double distance = sqrt(dot(up, up));
-	if (!(distance > 0))
-		return false;
-	double below[3], end[3], hit[3], t;
-	for (int k = 0; k < 3; k++)
-		below[k] = world[k] - up[k] / distance;
-	struct line line = { .t0 = -INFINITY, .t1 = distance }; /* not beyond the planet's centre */
-	placing_to_local(placing, world, line.from);
-	placing_to_local(placing, below, end);
-	for (int k = 0; k < 3; k++)
-		line.along[k] = end[k] - line.from[k];
+	double t;
+	struct line line = {
+		.from = { flat[0], flat[1], flat[2] }, .along = { 0, -1, 0 }, .t0 = -INFINITY, .t1 = INFINITY
+	};
 	if (!clip(&line, h->mesh) || !first_hit(h, &line, &t))
 		return false;
-	for (int k = 0; k < 3; k++)
-		hit[k] = world[k] - t * up[k] / distance;
-	*altitude = welkin_altitude_of(hit, radius);
+	*height = flat[1] - t;
 	return true;
 }

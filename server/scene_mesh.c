@@ -1,5 +1,7 @@
 #include "server/scene_mesh.h"
 
+#include "gpu/bending.h"
+
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -105,12 +107,12 @@ void scenes_resolve(const struct scene_mesh *mesh, const struct welkin_draft *dr
 	struct welkin_faults *faults)
 {
 	static const double standing_m = 1.7;
-	const struct placing placing = placing_of(r);
 	const double radius = r->atmosphere.planet_radius_m;
 	struct welkin_camera *camera = &r->camera;
-	double ground = 0;
-	if (!heights_at(mesh->heights, &placing, radius, camera->position_m, &ground))
-		ground = 0;
+	double ground = 0, flat[3], height_there;
+	bending_flatten(r, camera->position_m, flat);
+	if (heights_at(mesh->heights, flat, &height_there))
+		ground = height_there * r->scene.scale + r->scene.altitude_m;
 	const bool height = said(draft, "camera.altitude_m") || said(draft, "camera.position_m");
 	const bool above = said(draft, "camera.above_ground_m") || !height;
 	const double wanted = said(draft, "camera.above_ground_m") ? draft->request.camera.above_ground_m : standing_m;
