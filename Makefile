@@ -114,7 +114,7 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_LIB) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
 	@mkdir -p $(@D)
 	@echo "  LINK $@"; $(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
 
-PROGRAMS  := soak bench_probe bench_encode bench_frames accuracy chart failures
+PROGRAMS  := bench_madrid soak bench_probe bench_encode bench_frames accuracy chart failures
 .PHONY: tests programs
 tests: $(TEST_BIN) $(B)/welkin
 programs: $(PROGRAMS:%=$(B)/tests/%) $(B)/welkin
@@ -177,12 +177,16 @@ check: deps-check
 .PHONY: bench soak smoke fit fit-spectrum accuracy
 bench: programs
 	@status=0; for p in bench_encode bench_frames bench_probe; do $(B)/tests/$$p || status=1; done; exit $$status
+.PHONY: bench-madrid
+bench-madrid: $(B)/tests/bench_madrid
+	$(B)/tests/bench_madrid
 soak: programs
 	$(B)/tests/soak
 smoke: programs
 	$(B)/tests/soak --smoke
 	$(B)/tests/bench_probe --smoke
 	$(B)/tests/bench_frames --smoke
+	$(B)/tests/bench_madrid --smoke
 fit: $(B)/tests/fit_sky
 	$(B)/tests/fit_sky gpu/fitted_data.inc
 fit-spectrum: $(B)/tests/fit_spectrum

@@ -234,7 +234,8 @@ static void heights_above_the_ground(void **state)
 	r = resolved("{\"image\":{\"width\":16,\"height\":8},\"scene\":{\"name\":\"slope\"},\"camera\":{\"position_m\":"
 		     "[0,0,-447.5],"
 		     "\"above_ground_m\":20}}");
-	assert_true(fabs(number(r, "camera", "altitude_m") - (50 + 20)) < 0.01); /* over the sphere, along which the mesh is bent */
+	assert_true(fabs(number(r, "camera", "altitude_m") - (50 + 20)) <
+		    0.01); /* over the sphere, along which the mesh is bent */
 	cJSON_Delete(r);
 	/* Turned to the east and twice as large. */
 	r = resolved(
