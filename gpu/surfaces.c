@@ -395,7 +395,7 @@ static void add_to_list(struct draw_list *list, const struct surfaces_cluster *c
 		return;
 	}
 	list->counts[list->n] = (int)(3 * c->n);
-	list->offsets[list->n++] = (const char *)NULL + 3 * sizeof(uint32_t) * c->first;
+	list->offsets[list->n++] = (const void *)(uintptr_t)(3 * sizeof(uint32_t) * c->first);
 }
 
 bool surfaces_sees(const struct SurfacesBlock *block, float rows[3][4], const struct surfaces_cluster *c)
