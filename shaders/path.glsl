@@ -100,15 +100,12 @@ void move(inout Vertex v, float mu, float t)
 #endif
 }
 
-/* Share of the sun that the scene leaves to a vertex. */
-float sunlit(Vertex v)
-{
+/* Times the share of the sun that the scene leaves to a vertex. */
 #ifdef SCENE
-	return scene_sunlit(v.at);
+#define SUNLIT(v) * scene_sunlit(v.at)
 #else
-	return 1.0;
+#define SUNLIT(v)
 #endif
-}
 
 float band_mean(vec4 x)
 {
@@ -121,7 +118,7 @@ vec4 bounce_ground(inout Vertex v)
 	v.h = 0.0;
 	v.beta *= bands.ground_albedo;
 	float mu_s = dot(v.up, frame.sun_direction.xyz);
-	vec4 L = mu_s > 0.0 ? v.beta * bands.sun_irradiance * sun_transmittance(0.0, mu_s) * (sunlit(v) * mu_s / PI) : vec4(0.0);
+	vec4 L = mu_s > 0.0 ? v.beta * bands.sun_irradiance * sun_transmittance(0.0, mu_s) * (mu_s / PI) SUNLIT(v) : vec4(0.0);
 	v.d = around(v.up, sqrt(rng_next()), 2.0 * PI * rng_next());
 	return L;
 }
@@ -140,7 +137,7 @@ vec4 bounce_surface(inout Vertex v, Surface s)
 		light.v = -v.d;
 		light.l = to_sun;
 		vec4 glint = spectral_albedo(clamp(specular_brdf(materials[s.material], light), 0.0, 1e3));
-		L = v.beta * (albedo / PI + glint) * bands.sun_irradiance * (sunlit(v) * nl * sun_transmittance(v.h, dot(v.up, to_sun)));
+		L = v.beta * (albedo / PI + glint) * bands.sun_irradiance * (nl * sun_transmittance(v.h, dot(v.up, to_sun))) SUNLIT(v);
 	}
 	v.beta *= albedo;
 	v.d = around(s.normal, sqrt(rng_next()), 2.0 * PI * rng_next());
@@ -155,7 +152,7 @@ vec4 scatter(inout Vertex v)
 	vec4 rayleigh = bands.rayleigh * density.x, aerosol = bands.aerosol_scattering * density.y;
 	float nu = clamp(dot(v.d, to_sun), -1.0, 1.0);
 	vec4 phase = rayleigh * phase_rayleigh(nu) + aerosol * phase_aerosol(nu);
-	vec4 L = v.beta * phase * bands.sun_irradiance * (sunlit(v) * sun_transmittance(v.h, dot(v.up, to_sun)));
+	vec4 L = v.beta * phase * bands.sun_irradiance * sun_transmittance(v.h, dot(v.up, to_sun)) SUNLIT(v);
 
 	float wr = band_mean(v.beta * rayleigh), wm = band_mean(v.beta * aerosol), p = wr / max(wr + wm, 1e-30);
 	float g = media.aerosol_g, u = rng_next();
@@ -190,13 +187,14 @@ vec4 trace(Vertex v, float s0, int max_order)
 #endif
 
 		if (ends) {
-			float h_end = down ? 0.0 : v.h, mu_g = clamp(mu_at(v.h, mu, extent, h_end), -1.0, 1.0);
 #ifdef SCENE
-			h_end = altitude_at(v.h, mu, extent);
-			mu_g = mu_at(v.h, mu, extent, h_end);
-#endif
-			vec3 end = table_column(h_end, down ? -mu_g : mu_g);
+			float h_end = altitude_at(v.h, mu, extent), mu_end = mu_at(v.h, mu, extent, h_end);
+			vec3 end = table_column(h_end, down ? -mu_end : mu_end);
 			vec4 through = exp(-optical_depth(max(down ? end - start : start - end, 0.0)));
+#else
+			float mu_g = clamp(mu_at(v.h, mu, ground, 0.0), -1.0, 0.0);
+			vec4 through = exp(-optical_depth(max(table_column(0.0, -mu_g) - start, 0.0)));
+#endif
 			float p = clamp(band_mean(v.beta * albedo * through) /
 						max(band_mean(v.beta), 1e-30), 0.0, 0.9);
 			if (rng_next() < p) {
