@@ -17,7 +17,7 @@ ifneq ($(filter default undefined,$(origin CC)),)
 CC := gcc
 endif
 
-BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR libsystemd inih libcjson
+BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR libsystemd inih libcjson libarchive libseccomp nettle
 TEST_PKGS  := cmocka libcurl gsl
 
 WARN   := -Wall -Wextra -Werror -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith -Wvla \
@@ -42,7 +42,7 @@ METHOD_SRC := $(sort $(wildcard gpu/methods/*.c))
 METHODS    := $(notdir $(basename $(METHOD_SRC)))
 GPU_SRC    := $(sort $(wildcard gpu/*.c)) $(METHOD_SRC)
 SERVER_SRC := $(sort $(wildcard server/*.c))
-SHADERS    := $(sort $(wildcard shaders/*.h shaders/*.glsl shaders/*.comp shaders/methods/*.comp shaders/tables/*.comp))
+SHADERS    := $(sort $(wildcard shaders/*.h shaders/*.glsl shaders/*.vert shaders/*.frag shaders/*.comp shaders/methods/*.comp shaders/tables/*.comp))
 WWW        := $(sort $(wildcard api/www/*))
 GEN        := $(B)/gen/registry.c $(B)/gen/method_names.c $(B)/gen/shaders.c $(B)/gen/www.c
 
@@ -114,30 +114,37 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_LIB) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
 	@mkdir -p $(@D)
 	@echo "  LINK $@"; $(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
 
-PROGRAMS  := cloud_light soak bench_probe bench_encode bench_frames accuracy chart failures
+PROGRAMS  := bench_madrid cloud_light soak bench_probe bench_encode bench_frames accuracy chart failures
 .PHONY: tests programs
 tests: $(TEST_BIN) $(B)/welkin
 programs: $(PROGRAMS:%=$(B)/tests/%) $(B)/welkin
 
-# ---- fuzzers: libFuzzer, AddressSanitizer and UndefinedBehaviorSanitizer, api/ only ----
+# ---- fuzzers: libFuzzer, AddressSanitizer and UndefinedBehaviorSanitizer; of api/ and of what reads scenes ----
 FUZZ_SECONDS ?= 600
 $(B)-fuzz/fuzz_%: tests/fuzz_%.c tests/fuzz_check.h $(API_SRC) $(B)/gen/method_names.c
 	@mkdir -p $(@D)
 	clang -std=gnu17 -O1 -g -I. -D_GNU_SOURCE $(PKG_CFLAGS) -fsanitize=fuzzer,address,undefined \
 	  -fno-sanitize-recover=all -o $@ $< $(API_SRC) $(B)/gen/method_names.c -lcjson -lnova -lm -lpthread
+SCENE_SRC := $(sort $(wildcard server/scene_*.c)) server/mesh_build.c gpu/mesh.c api/error.c api/text.c
+SCENE_SRC := $(filter-out server/scene_mesh.c,$(SCENE_SRC))
+$(B)-fuzz/fuzz_scene: tests/fuzz_scene.c $(SCENE_SRC)
+	@mkdir -p $(@D)
+	clang -std=gnu17 -O1 -g -I. -D_GNU_SOURCE $(PKG_CFLAGS) -fsanitize=fuzzer,address,undefined \
+	  -fno-sanitize-recover=all -o $@ $< $(SCENE_SRC) -larchive -lpng -lcjson -lm
 .PHONY: fuzz fuzz-smoke
-fuzz: $(B)-fuzz/fuzz_query $(B)-fuzz/fuzz_json
-	@cd $(B)-fuzz && for t in query json; do mkdir -p new_$$t; ./fuzz_$$t -max_total_time=$(FUZZ_SECONDS) -max_len=4096 \
-	  -print_final_stats=1 new_$$t $(CURDIR)/tests/corpus/$$t 2>fuzz_$$t.log || { tail -40 fuzz_$$t.log; exit 1; }; \
+fuzz: $(B)-fuzz/fuzz_query $(B)-fuzz/fuzz_json $(B)-fuzz/fuzz_scene
+	@cd $(B)-fuzz && for t in query json scene; do mkdir -p new_$$t; ./fuzz_$$t -max_total_time=$(FUZZ_SECONDS) -max_len=4096 \
+	  -timeout=20 -print_final_stats=1 new_$$t $(CURDIR)/tests/corpus/$$t 2>fuzz_$$t.log || { tail -40 fuzz_$$t.log; exit 1; }; \
 	  echo "fuzz_$$t: $$(sed -n 's/^stat::number_of_executed_units: *//p' fuzz_$$t.log) inputs in $(FUZZ_SECONDS) s, no fault"; done
 fuzz-smoke:
 	@$(MAKE) --no-print-directory fuzz FUZZ_SECONDS=30
 
 # ---- two commands ----
 RUN_DEPS   := build-essential pkg-config libmicrohttpd-dev libepoxy-dev libegl-dev libgl1-mesa-dri libegl-mesa0 libpng-dev \
-              libdeflate-dev libopenexr-dev libnova-dev libsystemd-dev libinih-dev libcjson-dev
+              libdeflate-dev libopenexr-dev libnova-dev libsystemd-dev libinih-dev libcjson-dev \
+              libarchive-dev libseccomp-dev nettle-dev
 CHECK_DEPS := $(RUN_DEPS) git curl libcmocka-dev libcurl4-openssl-dev libgsl-dev gnuplot-nox clang libclang-rt-14-dev clang-format \
-              cppcheck glslang-tools openexr pngcheck prometheus chromium chromium-driver python3-jsonschema \
+              assimp-testmodels zip cppcheck glslang-tools openexr pngcheck prometheus chromium chromium-driver python3-jsonschema \
               openapi-specification python3-yaml python3-requests haproxy varnish systemd
 
 # Installs what is missing of the named packages; without root or sudo it prints the line to type.
@@ -170,6 +177,9 @@ check: deps-check
 .PHONY: bench soak smoke fit fit-spectrum accuracy
 bench: programs
 	@status=0; for p in bench_encode bench_frames bench_probe; do $(B)/tests/$$p || status=1; done; exit $$status
+.PHONY: bench-madrid
+bench-madrid: $(B)/tests/bench_madrid
+	$(B)/tests/bench_madrid
 soak: programs
 	$(B)/tests/soak
 smoke: programs
@@ -177,6 +187,7 @@ smoke: programs
 	$(B)/tests/bench_probe --smoke
 	$(B)/tests/bench_frames --smoke
 	$(B)/tests/cloud_light --smoke
+	$(B)/tests/bench_madrid --smoke
 fit: $(B)/tests/fit_sky
 	$(B)/tests/fit_sky gpu/fitted_data.inc
 fit-spectrum: $(B)/tests/fit_spectrum

@@ -111,12 +111,14 @@ struct welkin_image {
 };
 
 struct welkin_camera {
-	double position_m[3]; /* world frame */
-	double altitude_m;    /* above sea level; agrees with position_m */
-	double heading_deg;   /* clockwise from north */
-	double pitch_deg;     /* up positive */
-	double roll_deg;      /* clockwise positive: the horizon tilts counter-clockwise */
-	double fov_deg;       /* vertical */
+	double position_m[3];  /* world frame */
+	double altitude_m;     /* above sea level; agrees with position_m */
+	double above_ground_m; /* above the scene's surface, or sea level where it has none: negative inside a mountain
+				*/
+	double heading_deg;    /* clockwise from north */
+	double pitch_deg;      /* up positive */
+	double roll_deg;       /* clockwise positive: the horizon tilts counter-clockwise */
+	double fov_deg;        /* vertical */
 };
 
 struct welkin_sun {
@@ -163,6 +165,31 @@ struct welkin_clouds {
 	uint32_t savings;
 };
 
+enum welkin_shading { WELKIN_PHYSICAL, WELKIN_PHONG };
+enum welkin_shadow {
+	WELKIN_SHADOW_NONE, /* no filter */
+	WELKIN_SHADOW_BILINEAR,
+	WELKIN_SHADOW_GAUSSIAN,
+	WELKIN_SHADOW_VARIANCE,
+	WELKIN_SHADOW_OFF /* no shadows */
+};
+enum welkin_shadow_region { WELKIN_REGION_STATIC, WELKIN_REGION_FITTED, WELKIN_REGION_CASCADED };
+enum welkin_shafts { WELKIN_SHAFTS_AUTO, WELKIN_SHAFTS_NONE, WELKIN_SHAFTS_MARCH, WELKIN_SHAFTS_EPIPOLAR };
+enum { WELKIN_NAME_SIZE = 64 }; /* of a name, its NUL included */
+
+/* Where a mesh stands. Its own frame is x east, y up, z south in metres, turned by heading_deg (clockwise from north),
+ * times scale; its origin is at that latitude and longitude, altitude_m above sea level (gpu/placing.h). */
+struct welkin_scene {
+	char name[WELKIN_NAME_SIZE]; /* "": none; then the rest is as by default */
+	double latitude_deg, longitude_deg, altitude_m, heading_deg, scale;
+	int32_t shading;       /* enum welkin_shading */
+	int32_t shadow;        /* enum welkin_shadow: how the shadow map is filtered */
+	int32_t shadow_region; /* enum welkin_shadow_region */
+	int32_t shadow_size;   /* texels along a side of the map */
+	int32_t shafts;        /* enum welkin_shafts */
+	int32_t shaft_steps;   /* samples along a ray where the scene may throw shadows */
+};
+
 /* Numbers that the operator's methods take, of all of them together. */
 enum { WELKIN_METHOD_VALUES = 64 };
 
@@ -182,6 +209,7 @@ struct welkin_request {
 	double max_error, budget_ms; /* 0 budget: none */
 	uint32_t seed;
 	int32_t reserved2;
+	struct welkin_scene scene;
 	double method_values[WELKIN_METHOD_VALUES]; /* defaults but for the method asked for; 0 where nobody's */
 };
 

@@ -30,6 +30,8 @@ static const char *find_fault(const struct welkin_job *job)
 	const struct welkin_image *image = &r->image;
 	if (!in_range(job->kind, WELKIN_JOB_RADIANCE))
 		return "unknown kind of job";
+	if (strnlen(job->scene_key, sizeof job->scene_key) == sizeof job->scene_key)
+		return "the name of the scene has no end";
 	if (!in_range(r->atmosphere.method, welkin_method_count - 1))
 		return "unknown method";
 	if (!in_range(r->atmosphere.steps - 1, 1023) || !in_range(r->atmosphere.light_steps - 1, 1023))
@@ -58,6 +60,14 @@ static bool map_pixels(struct frame *f, int memfd, struct error *err)
 	return true;
 }
 
+static bool hold_scene(struct workspace *ws, struct frame *f, struct error *err)
+{
+	if (!f->job.scene_key[0])
+		return true;
+	f->mesh = scene_store_hold(&ws->scenes, f->job.scene_key);
+	return f->mesh || error_set(err, "the scene %.32s did not arrive", f->job.scene_key);
+}
+
 static void prepare(struct frame *f)
 {
 	const struct welkin_job *job = &f->job;
@@ -71,7 +81,7 @@ static void prepare(struct frame *f)
 	}
 	if (f->method->prepare)
 		f->method->prepare(&f->scene, &job->request);
-	planner_plan(&f->plan, job, &f->scene, f->method);
+	planner_plan(&f->plan, job, &f->scene, f->method, f->mesh);
 	f->scene.frame.features = f->plan.features;
 	f->result.id = job->id;
 	f->result.bands = f->scene.n_bands;
@@ -114,12 +124,12 @@ struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, i
 	f->job = *job;
 	f->started_ms = clock_ms();
 	f->method = welkin_methods[job->request.atmosphere.method];
-	if (!map_pixels(f, memfd, err)) {
+	if (!map_pixels(f, memfd, err) || !hold_scene(ws, f, err)) {
 		frame_destroy(ws, f);
 		return NULL;
 	}
 	prepare(f);
-	if (!choose_sky(ws, f, err) || !clouds_choose_programs(ws, f, err) ||
+	if (!choose_sky(ws, f, err) || !scenery_start(ws, f, err) || !clouds_choose_programs(ws, f, err) ||
 		(job->kind == WELKIN_JOB_IMAGE && !image_start(ws, f, err))) {
 		frame_destroy(ws, f);
 		return NULL;
@@ -133,6 +143,7 @@ void frame_destroy(struct workspace *ws, struct frame *frame)
 		return;
 	if (ws->bound == frame)
 		ws->bound = NULL;
+	scene_store_release(&ws->scenes, frame->mesh);
 	if (frame->map)
 		munmap(frame->map, frame->map_size);
 	free(frame->samples);
@@ -221,7 +232,7 @@ static enum table_state bind(struct workspace *ws, struct frame *f, struct error
 		ws->bound = f;
 	}
 	tables_begin_slice(ws->tables);
-	enum table_state state = TABLE_READY;
+	enum table_state state = scenery_bind(ws, f, err);
 	for (int batch = 0; batch < f->scene.n_batches && state == TABLE_READY; batch++)
 		state = frame_tables(ws, f, batch, err);
 	if (state == TABLE_READY)
@@ -234,6 +245,8 @@ enum table_state frame_tables(struct workspace *ws, const struct frame *frame, i
 	enum table_state state = TABLE_READY;
 	if (frame->method->tables)
 		state = frame->method->tables(ws->tables, &frame->scene, batch, err);
+	if (state == TABLE_READY)
+		state = scenery_tables(ws, frame, batch, err);
 	if (state != TABLE_READY || !(frame->plan.features & FEATURE_CLOUDS))
 		return state;
 	return frame->method->progressive ? need_cloud_paths(ws->tables, &frame->scene, err)

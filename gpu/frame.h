@@ -5,6 +5,7 @@
 #include "gpu/job.h"
 #include "gpu/method.h"
 #include "gpu/planner.h"
+#include "gpu/scenery.h"
 #include "gpu/strips.h"
 #include "gpu/workspace.h"
 
@@ -27,6 +28,7 @@ struct frame {
 	const struct method *method;
 	const struct program *rays, *sky, *disk, *output; /* disk, output: chosen when the strips begin */
 	const struct program *clouds, *compose;           /* NULL without clouds */
+	struct scenery scenery;
 	enum frame_stage stage;
 	struct strips strips;   /* METER, STRIPS */
 	int batch, direction;   /* DIRECTIONS: what comes next */
@@ -44,6 +46,7 @@ struct frame {
 	double started_ms; /* clock_ms() */
 	double waits;      /* slices that others got since its last; the renderer's */
 	int tables_noted;
+	const struct mesh_header *mesh; /* of the request's scene, held while the frame lives; NULL: none */
 	struct scene scene;
 	struct plan plan;
 	struct pass_log log;
@@ -71,22 +74,23 @@ int frame_afford(struct workspace *ws, const struct frame *frame, int batches, d
 /* Waits for the passes run, adds their times to the frame's, and learns what the pixels cost. */
 bool frame_settle(struct workspace *ws, struct frame *frame, int pixels, int batches, struct error *err);
 
-/* Binds the method's tables for a spectral batch. In a slice they are ready. */
+/* Binds the method's tables, and the scene's, for a spectral batch. In a slice they are ready. */
 enum table_state frame_tables(struct workspace *ws, const struct frame *frame, int batch, struct error *err);
 
 /* One step each of the stages of their kind. */
 bool image_start(struct workspace *ws, struct frame *frame, struct error *err);
 bool image_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
 bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms, struct error *err);
-/* The passes of a tile up to its radiance; samples NULL but for progressive methods (LOCATION_SAMPLES). */
-void image_run_sky(
-	struct workspace *ws, const struct frame *frame, const int tile[4], unsigned radiance, const int samples[4]);
 /* Without clouds, or with a method that traces paths through them, these do nothing. */
 bool clouds_choose_programs(struct workspace *ws, struct frame *frame, struct error *err);
 bool clouds_reserve(struct workspace *ws, const struct frame *frame, int pixels, struct error *err);
 /* The clouds of a tile, in front of what is there; on a bare range of directions for the batch in hand alone. */
 void clouds_run(struct workspace *ws, const struct frame *frame, const int tile[4], unsigned radiance,
 	unsigned transmittance, unsigned directions);
+/* The passes of a tile up to its radiance; samples NULL but for progressive methods (LOCATION_SAMPLES). false: no
+ * device memory for it. */
+bool image_run_sky(struct workspace *ws, const struct frame *frame, const int tile[4], unsigned radiance,
+	const int samples[4], struct error *err);
 /* Goes on by that many directions of the batch in hand. */
 void photometer_advance(struct frame *frame, int count);
 /* Puts the job's directions on the device. */

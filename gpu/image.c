@@ -62,7 +62,7 @@ static bool begin_meter(struct frame *f)
 		return false;
 	frame->width = width;
 	frame->height = height;
-	frame->features &= FEATURE_GROUND;
+	frame->features &= FEATURE_GROUND | FEATURE_SURFACES | FEATURE_SHADOWS | FEATURE_SHAFTS | FEATURE_TRACED;
 	f->strips = (struct strips){ .width = width, .height = height };
 	f->stage = FRAME_METER;
 	return true;
@@ -97,13 +97,15 @@ bool image_start(struct workspace *ws, struct frame *frame, struct error *err)
 	return true;
 }
 
-void image_run_sky(
-	struct workspace *ws, const struct frame *f, const int tile[4], unsigned radiance, const int samples[4])
+bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4], unsigned radiance,
+	const int samples[4], struct error *err)
 {
 	struct pass rays = { .name = "rays", .program = f->rays, .threads = { tile[2], tile[3], 1 } };
 	memcpy(rays.tile, tile, sizeof rays.tile);
 	rays.storage[BIND_DIRECTIONS] = ws->rays.id;
 	passes_run(ws->passes, &rays);
+	if (!scenery_records(ws, f, tile, err))
+		return false;
 	struct pass sky = { .name = f->stage == FRAME_METER ? "meter" : "sky",
 		.program = f->sky,
 		.threads = { tile[2] * tile[3], 1, 1 } };
@@ -114,12 +116,16 @@ void image_run_sky(
 	sky.storage[BIND_RADIANCE] = radiance;
 	sky.storage[BIND_INSCATTER] = f->method->progressive ? ws->sample_layers.id : ws->inscatter.id;
 	sky.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
+	sky.storage[BIND_SURFACES] = ws->surface.id;
+	scenery_bind_rays(ws, f, sky.storage);
 	for (sky.batch = 0; sky.batch < f->scene.n_batches; sky.batch++) {
 		frame_tables(ws, f, sky.batch, NULL);
 		passes_run(ws->passes, &sky);
+		scenery_light(ws, f, tile, sky.batch, sky.storage);
 	}
 	if (f->clouds)
 		clouds_run(ws, f, tile, radiance, ws->transmittance.id, ws->rays.id);
+	return true;
 }
 
 /* On the part of the strip that the disk may touch, if there is one. */
@@ -154,7 +160,10 @@ static bool meter_step(struct workspace *ws, struct frame *f, double start_ms, s
 		return true;
 	}
 	static const int meter_samples[4] = { 0, 1, 64, 8 }; /* progressive: enough paths to meter by */
-	image_run_sky(ws, f, tile, ws->meter.id, meter_samples);
+	if (!image_run_sky(ws, f, tile, ws->meter.id, meter_samples, err)) {
+		frame_finish(f, WELKIN_FAILED, err->text);
+		return true;
+	}
 	if (!frame_settle(ws, f, pixels, f->scene.n_batches, err))
 		return false;
 	const float(*from)[4] = ws->meter.data;
@@ -271,8 +280,9 @@ static bool strip_step(struct workspace *ws, struct frame *f, double start_ms, s
 			return false;
 		if (!settled)
 			return true;
-	} else {
-		image_run_sky(ws, f, tile, ws->radiance.id, NULL);
+	} else if (!image_run_sky(ws, f, tile, ws->radiance.id, NULL, err)) {
+		frame_finish(f, WELKIN_FAILED, err->text);
+		return true;
 	}
 	run_disk(ws, f, tile);
 	run_output(ws, f, tile, &planes);

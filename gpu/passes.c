@@ -25,17 +25,19 @@ enum {
 	OFFSET_BANDS = 1280
 };
 enum { OFFSET_FITTED = OFFSET_BANDS + SCENE_MAX_BATCHES * BLOCK_STRIDE, FITTED_STRIDE = 512 };
-enum { BLOCKS_BYTES = OFFSET_FITTED + SCENE_MAX_BATCHES * FITTED_STRIDE };
+enum { OFFSET_SURFACES = OFFSET_FITTED + SCENE_MAX_BATCHES * FITTED_STRIDE, SURFACES_STRIDE = 512 };
+enum { BLOCKS_BYTES = OFFSET_SURFACES + SURFACES_STRIDE };
 
 _Static_assert(sizeof(struct FrameBlock) <= BLOCK_STRIDE, "FrameBlock outgrew its slot");
 _Static_assert(sizeof(struct MediaBlock) <= BLOCK_STRIDE, "MediaBlock outgrew its slot");
 _Static_assert(sizeof(struct CloudsBlock) <= OFFSET_BANDS - OFFSET_CLOUDS, "CloudsBlock outgrew its slot");
 _Static_assert(sizeof(struct BandsBlock) <= BLOCK_STRIDE, "BandsBlock outgrew its slot");
+_Static_assert(sizeof(struct SurfacesBlock) <= SURFACES_STRIDE, "SurfacesBlock outgrew its slot");
 _Static_assert(sizeof(struct FittedBlock) <= FITTED_STRIDE, "FittedBlock outgrew its slot");
 
 struct passes {
-	bool synchronous;
-	unsigned blocks, nodes; /* buffers */
+	bool synchronous, drawn; /* drawn: in this slice */
+	unsigned blocks, nodes;  /* buffers */
 	int n_nodes;
 	float (*node_copy)[2]; /* what the device has, to leave out uploads of the same */
 	int n;                 /* passes in this slice */
@@ -85,6 +87,7 @@ void passes_blocks(struct passes *passes, const struct scene *scene)
 	for (int i = 0; i < scene->n_batches; i++)
 		memcpy(bytes + OFFSET_FITTED + i * FITTED_STRIDE, &scene->fitted[i], sizeof scene->fitted[i]);
 	glNamedBufferSubData(passes->blocks, OFFSET_FITTED, scene->n_batches * FITTED_STRIDE, bytes + OFFSET_FITTED);
+	glNamedBufferSubData(passes->blocks, OFFSET_SURFACES, sizeof scene->surfaces, &scene->surfaces);
 	const size_t size = (size_t)scene->n_nodes * sizeof scene->nodes[0];
 	if (scene->n_nodes == passes->n_nodes && memcmp(passes->node_copy, scene->nodes, size) == 0)
 		return;
@@ -99,6 +102,16 @@ void passes_texture(struct passes *passes, unsigned unit, unsigned texture)
 	glBindTextureUnit(unit, texture);
 }
 
+static void bind_storage(const struct passes *passes, const unsigned storage[PASS_STORAGE])
+{
+	GLuint ids[PASS_STORAGE];
+	memcpy(ids, storage, sizeof ids);
+	ids[BIND_NODES] = passes->nodes;
+	glBindBuffersBase(GL_SHADER_STORAGE_BUFFER, 0, PASS_STORAGE, ids);
+	glBindBufferRange(
+		GL_UNIFORM_BUFFER, BIND_SURFACES_BLOCK, passes->blocks, OFFSET_SURFACES, sizeof(struct SurfacesBlock));
+}
+
 static void bind(const struct passes *passes, const struct pass *pass)
 {
 	const GLuint b = passes->blocks, uniform[] = { b, b, b, b, b, b };
@@ -107,10 +120,7 @@ static void bind(const struct passes *passes, const struct pass *pass)
 	const GLsizeiptr sizes[] = { sizeof(struct FrameBlock), sizeof(struct MediaBlock), sizeof(struct BandsBlock),
 		sizeof(struct FittedBlock), METHOD_VALUES * sizeof(float), sizeof(struct CloudsBlock) };
 	glBindBuffersRange(GL_UNIFORM_BUFFER, BIND_FRAME, 6, uniform, offsets, sizes);
-	GLuint storage[PASS_STORAGE];
-	memcpy(storage, pass->storage, sizeof storage);
-	storage[BIND_NODES] = passes->nodes;
-	glBindBuffersBase(GL_SHADER_STORAGE_BUFFER, 0, PASS_STORAGE, storage);
+	bind_storage(passes, pass->storage);
 	if (pass->image)
 		glBindImageTexture(0, pass->image, 0, GL_TRUE, 0, GL_WRITE_ONLY, pass->image_format);
 	const GLuint id = pass->program->id;
@@ -137,23 +147,72 @@ static GLuint groups(const struct pass *pass, int axis)
 	return (GLuint)((threads + size - 1) / size);
 }
 
+/* Before and after a pass' work: takes its time. */
+static double begin_timing(struct passes *passes)
+{
+	if (passes->n == 0)
+		glQueryCounter(passes->queries[0], GL_TIMESTAMP);
+	return clock_ms();
+}
+
+static void end_timing(struct passes *passes, const char *name, double start)
+{
+	const int i = passes->n;
+	if (i == SLICE_PASSES)
+		return;
+	passes->clock_ms[i] = clock_ms() - start;
+	passes->names[i] = name;
+	glQueryCounter(passes->queries[++passes->n], GL_TIMESTAMP);
+}
+
 void passes_run(struct passes *passes, const struct pass *pass)
 {
 	bind(passes, pass);
-	const int i = passes->n;
-	const bool timed = i < SLICE_PASSES;
-	if (i == 0)
-		glQueryCounter(passes->queries[0], GL_TIMESTAMP);
-	const double start = clock_ms();
+	const double start = begin_timing(passes);
 	glDispatchCompute(groups(pass, 0), groups(pass, 1), groups(pass, 2));
-	/* Whatever the pass wrote, the next may read as buffer, image or texture, and we through a mapping. */
+	/* Whatever the pass wrote, the next may read as buffer, image, texture or vertices, and we through a mapping.
+	 */
 	glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_TEXTURE_FETCH_BARRIER_BIT |
-			GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT);
-	if (!timed)
-		return;
-	passes->clock_ms[i] = clock_ms() - start;
-	passes->names[i] = pass->name;
-	glQueryCounter(passes->queries[++passes->n], GL_TIMESTAMP);
+			GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT |
+			GL_VERTEX_ATTRIB_ARRAY_BARRIER_BIT);
+	end_timing(passes, pass->name, start);
+}
+
+static void clear(const struct draw *draw)
+{
+	static const GLuint nothing[4] = { 0, 0, 0, 0 };
+	const GLfloat far = draw->reversed ? 0 : 1;
+	glClearNamedFramebufferuiv(draw->framebuffer, GL_COLOR, 0, nothing);
+	glClearNamedFramebufferfv(draw->framebuffer, GL_DEPTH, 0, &far);
+}
+
+void passes_draw(struct passes *passes, const struct draw *draw)
+{
+	const GLuint id = draw->program->id;
+	bind_storage(passes, draw->storage);
+	const double start = begin_timing(passes);
+	glBindFramebuffer(GL_DRAW_FRAMEBUFFER, draw->framebuffer);
+	glViewport(draw->viewport[0], draw->viewport[1], draw->viewport[2], draw->viewport[3]);
+	glScissor(draw->viewport[0], draw->viewport[1], draw->viewport[2], draw->viewport[3]);
+	glEnable(GL_SCISSOR_TEST);
+	glDepthMask(GL_TRUE);
+	if (draw->clear)
+		clear(draw);
+	glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
+	glEnable(GL_DEPTH_TEST);
+	glDepthFunc(draw->reversed ? GL_GREATER : GL_LESS);
+	glEnable(GL_POLYGON_OFFSET_FILL);
+	glPolygonOffset(draw->slope_bias, draw->bias);
+	glUseProgram(id);
+	if (draw->program->has_rows)
+		glUniform4fv(LOCATION_ROWS, 3, draw->rows[0]);
+	glBindVertexArray(draw->vertex_array);
+	glMultiDrawElements(GL_TRIANGLES, draw->list->counts, GL_UNSIGNED_INT, draw->list->offsets, draw->list->n);
+	glDisable(GL_SCISSOR_TEST);
+	passes->drawn = true;
+	if (passes->synchronous)
+		glFinish(); /* it would be drawn when a later pass reads it, and count as that one's time */
+	end_timing(passes, draw->name, start);
 }
 
 void pass_log_add(struct pass_log *log, const char *name, double ms)
@@ -192,12 +251,14 @@ bool passes_finish(struct passes *passes, struct pass_log *log, struct error *er
 	for (int i = 0; i < passes->n; i++, before = after) {
 		glGetQueryObjectui64v(passes->queries[i + 1], GL_QUERY_RESULT, &after);
 		double ms = (double)(after - before) * 1e-6;
-		if (after <= before)
+		/* once llvmpipe has drawn, it takes timestamps when it next draws, not when they are asked for */
+		if (after <= before || (passes->synchronous && passes->drawn))
 			ms = passes->clock_ms[i];
 		if (log)
 			pass_log_add(log, passes->names[i], ms);
 	}
 	passes->n = 0;
+	passes->drawn = false;
 	const char *trouble = device_trouble();
 	if (trouble || !waited)
 		return error_set(err, "the context failed: %s", trouble ? trouble : "waiting for the device");

@@ -22,7 +22,7 @@ struct pass_log {
 	struct welkin_pass_time times[WELKIN_MAX_PASSES];
 };
 
-enum { PASS_STORAGE = 9 };
+enum { PASS_STORAGE = 15 };
 
 struct pass {
 	const char *name; /* as it is logged: a string that lives until passes_finish */
@@ -51,6 +51,28 @@ void passes_blocks(struct passes *passes, const struct scene *scene);
 void passes_texture(struct passes *passes, unsigned unit, unsigned texture);
 
 void passes_run(struct passes *passes, const struct pass *pass);
+
+/* Stretches of triangles in an index buffer of uint32. */
+struct draw_list {
+	int n;
+	int *counts;          /* indices of each */
+	const void **offsets; /* its first, in bytes from the start of the buffer */
+};
+
+/* Draws indexed triangles. */
+struct draw {
+	const char *name;
+	const struct program *program;
+	unsigned framebuffer, vertex_array;
+	const struct draw_list *list;
+	int viewport[4];  /* x, y, width, height */
+	float rows[3][4]; /* LOCATION_ROWS */
+	unsigned storage[PASS_STORAGE];
+	bool clear;             /* the viewport first: colours 0, depth its far end */
+	bool reversed;          /* 1 is near, 0 infinitely far */
+	float slope_bias, bias; /* as glPolygonOffset takes them */
+};
+void passes_draw(struct passes *passes, const struct draw *draw);
 
 /* Waits for the passes run since the last call and adds their times to log (may be NULL). Returns
  * false when the context is lost or a GL error was found; the process is then of no more use. */

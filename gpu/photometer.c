@@ -103,7 +103,13 @@ bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms,
 	pass.storage[BIND_TRANSMITTANCE] = ws->spectral_T.id;
 	pass.storage[BIND_DIRECTIONS] = ws->directions.id;
 	frame_tables(ws, frame, frame->batch, NULL);
+	if (!scenery_records(ws, frame, pass.tile, err)) {
+		frame_finish(frame, WELKIN_FAILED, err->text);
+		return true;
+	}
+	pass.storage[BIND_SURFACES] = ws->surface.id;
 	passes_run(ws->passes, &pass);
+	scenery_light(ws, frame, pass.tile, pass.batch, pass.storage);
 	if (frame->clouds)
 		clouds_run(ws, frame, pass.tile, ws->spectral_L.id, ws->spectral_T.id, ws->directions.id);
 	if (!frame_settle(ws, frame, count, 1, err))

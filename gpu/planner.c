@@ -1,7 +1,9 @@
 #include "gpu/planner.h"
 
+#include "gpu/bending.h"
 #include "gpu/choose.h"
 #include "gpu/clouds.h"
+#include "gpu/shafts.h"
 #include "gpu/view.h"
 
 #include <math.h>
@@ -122,8 +124,92 @@ static void plan_output(struct plan *plan, const struct welkin_request *request)
 	}
 }
 
-void planner_plan(
-	struct plan *plan, const struct welkin_job *job, const struct scene *scene, const struct method *method)
+/* Is the sun up for the highest point of a mesh whose surfaces are in the plan? */
+static bool sun_reaches(const struct welkin_job *job, const struct mesh_header *mesh)
+{
+	const struct welkin_request *r = &job->request;
+	const double R = r->atmosphere.planet_radius_m;
+	double center[3];
+	const double radius = bending_sphere(mesh, r, center);
+	const double up[3] = { center[0], center[1] + R, center[2] },
+		     from = sqrt(up[0] * up[0] + up[1] * up[1] + up[2] * up[2]);
+	const double high = fmax((double)mesh->high[1] * r->scene.scale + r->scene.altitude_m, 0);
+	const double elevation = r->sun.elevation_deg * (M_PI / 180), azimuth = r->sun.azimuth_deg * (M_PI / 180);
+	const double sun[3] = { sin(azimuth) * cos(elevation), sin(elevation), -cos(azimuth) * cos(elevation) };
+	const double sine = (sun[0] * up[0] + sun[1] * up[1] + sun[2] * up[2]) / from;
+	return asin(sine) > -acos(R / (R + high)) - radius / from - margin;
+}
+
+static void plan_shadows(struct plan *plan, const struct welkin_job *job, const struct mesh_header *mesh)
+{
+	static const char pass[] = "shadow-map", *const filters[] = { "one comparison", "bilinear", "gaussian",
+		"variance" };
+	if (job->request.scene.shadow == WELKIN_SHADOW_OFF)
+		planner_note(plan, pass, false, "not asked for");
+	else if (!sun_reaches(job, mesh))
+		planner_note(plan, pass, false, "the sun is below every point's horizon");
+	else {
+		plan->features |= FEATURE_SHADOWS;
+		planner_note(plan, pass, true, "the sun is up, filter %s", filters[job->request.scene.shadow]);
+	}
+}
+
+static void plan_shafts(struct plan *plan, const struct welkin_job *job)
+{
+	static const char pass[] = "shafts";
+	const struct welkin_scene *scene = &job->request.scene;
+	const struct welkin_image *image = &job->request.image;
+	const double pixels = job->kind == WELKIN_JOB_IMAGE ? (double)image->width * image->height : job->n_directions;
+	if (!(plan->features & FEATURE_SHADOWS))
+		planner_note(plan, pass, false, "there is no shadow map");
+	else if (scene->shafts == WELKIN_SHAFTS_NONE)
+		planner_note(plan, pass, false, "not asked for");
+	else {
+		plan->features |= FEATURE_SHAFTS;
+		plan->epipolar =
+			scene->shafts == WELKIN_SHAFTS_EPIPOLAR ||
+			(scene->shafts == WELKIN_SHAFTS_AUTO && shafts_epipolar_pays(scene->shaft_steps, pixels));
+		if (plan->epipolar)
+			planner_note(plan, pass, true, "epipolar, %d planes", SHAFT_PLANES);
+		else
+			planner_note(plan, pass, true, "%d steps on every ray", scene->shaft_steps);
+	}
+}
+
+/* Lets the scene in where the view may see it. */
+static void plan_surfaces(struct plan *plan, const struct welkin_job *job, const struct mesh_header *mesh,
+	const struct method *method, const struct view_cone *view)
+{
+	static const char pass[] = "surfaces";
+	if (!mesh)
+		return;
+	double center[3], distance = 0;
+	const double radius = bending_sphere(mesh, &job->request, center);
+	for (int k = 0; k < 3; k++) {
+		center[k] -= job->request.camera.position_m[k];
+		distance += center[k] * center[k];
+	}
+	distance = sqrt(distance);
+	const float towards[3] = { (float)(center[0] / distance), (float)(center[1] / distance),
+		(float)(center[2] / distance) };
+	if (mesh->n_indices == 0)
+		planner_note(plan, pass, false, "the scene has no triangles");
+	else if (distance > radius &&
+		 view_angle(view->axis, towards) > view->half_angle + asin(radius / distance) + margin)
+		planner_note(plan, pass, false, "the scene is out of view");
+	else {
+		plan->features |= method->progressive ? FEATURE_TRACED : FEATURE_SURFACES;
+		planner_note(plan, pass, true, "%u triangles%s", mesh->n_indices / 3,
+			method->progressive ? ", met by paths" : "");
+		if (!method->progressive) {
+			plan_shadows(plan, job, mesh);
+			plan_shafts(plan, job);
+		}
+	}
+}
+
+void planner_plan(struct plan *plan, const struct welkin_job *job, const struct scene *scene,
+	const struct method *method, const struct mesh_header *mesh)
 {
 	memset(plan, 0, sizeof *plan);
 	planner_note(plan, "sky", true, "method %s, %d wavelengths in %d %s", method->name, scene->n_bands,
@@ -136,6 +222,7 @@ void planner_plan(
 		const struct view_cone view = view_cone_of(&scene->frame);
 		plan_sun_disk(plan, &job->request, scene, &view);
 		plan_ground(plan, scene, &view);
+		plan_surfaces(plan, job, mesh, method, &view);
 		plan_clouds(plan, &job->request, method);
 		plan_output(plan, &job->request);
 		return;
@@ -146,5 +233,6 @@ void planner_plan(
 	plan_sun_disk(plan, &job->request, scene, &all);
 	plan_ground(plan, scene, &all);
 	plan_clouds(plan, &job->request, method);
+	plan_surfaces(plan, job, mesh, method, &all);
 	planner_note(plan, "output", false, "radiance is replied as it is");
 }

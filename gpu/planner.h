@@ -2,6 +2,7 @@
 #define WELKIN_GPU_PLANNER_H
 
 #include "gpu/job.h"
+#include "gpu/mesh.h"
 #include "gpu/method.h"
 #include "gpu/scene.h"
 
@@ -10,14 +11,16 @@
  * Pure CPU work on the prepared scene.
  */
 struct plan {
-	int features; /* FEATURE_ bits for the frame block */
-	bool meter;   /* the exposure has to be measured on the view */
+	int features;  /* FEATURE_ bits for the frame block */
+	bool epipolar; /* FEATURE_SHAFTS: by epipolar sampling */
+	bool meter;    /* the exposure has to be measured on the view */
 	int n;
 	struct welkin_plan_entry entries[WELKIN_MAX_PASSES];
 };
 
-void planner_plan(
-	struct plan *plan, const struct welkin_job *job, const struct scene *scene, const struct method *method);
+/* mesh: the job's scene; NULL: none. */
+void planner_plan(struct plan *plan, const struct welkin_job *job, const struct scene *scene,
+	const struct method *method, const struct mesh_header *mesh);
 
 /* Adds an entry; more than fit are dropped. */
 __attribute__((format(printf, 4, 5))) void planner_note(

@@ -194,37 +194,58 @@ static void explain(const struct assembly *a, const char *name, const char *log,
 	error_set(err, "shader %s: %s", name, text);
 }
 
-static unsigned build(const struct programs *programs, const char *name, const char *choices, struct error *err)
+/* Compiles a file as one stage and attaches it; the reason names the file. */
+static bool attach(const struct programs *programs, unsigned program, unsigned stage, const char *name,
+	const char *choices, struct error *err)
 {
 	struct assembly a = { .dir = programs->dir, .programs = programs };
 	char *source = assemble(&a, name, choices, err);
 	if (!source)
-		return 0;
+		return false;
 	char log[900] = "";
 	GLint ok = 0;
-	unsigned id = 0;
-	const unsigned shader = glCreateShader(GL_COMPUTE_SHADER);
+	const unsigned shader = glCreateShader(stage);
 	glShaderSource(shader, 1, &(const char *){ source }, NULL);
 	glCompileShader(shader);
 	glGetShaderiv(shader, GL_COMPILE_STATUS, &ok);
-	if (ok) {
-		id = glCreateProgram();
-		glAttachShader(id, shader);
-		glLinkProgram(id);
-		glGetProgramiv(id, GL_LINK_STATUS, &ok);
-		if (!ok)
-			glGetProgramInfoLog(id, sizeof log, NULL, log);
-	} else {
-		glGetShaderInfoLog(shader, sizeof log, NULL, log);
-	}
-	if (!ok) {
+	glGetShaderInfoLog(shader, sizeof log, NULL, log);
+	if (ok)
+		glAttachShader(program, shader);
+	else
 		explain(&a, name, log, err);
-		glDeleteProgram(id);
-		id = 0;
-	}
 	glDeleteShader(shader);
 	free(source);
-	return id;
+	return ok;
+}
+
+static bool attach_stages(
+	const struct programs *programs, unsigned program, const char *name, const char *choices, struct error *err)
+{
+	const size_t stem = strlen(name) - 4;
+	if (strcmp(name + stem, "vert") != 0)
+		return attach(programs, program, GL_COMPUTE_SHADER, name, choices, err);
+	char fragment[64];
+	snprintf(fragment, sizeof fragment, "%.*sfrag", (int)stem, name);
+	return attach(programs, program, GL_VERTEX_SHADER, name, choices, err) &&
+	       attach(programs, program, GL_FRAGMENT_SHADER, fragment, choices, err);
+}
+
+static unsigned build(const struct programs *programs, const char *name, const char *choices, struct error *err)
+{
+	const unsigned id = glCreateProgram();
+	char log[900] = "";
+	GLint ok = 0;
+	if (attach_stages(programs, id, name, choices, err)) {
+		glLinkProgram(id);
+		glGetProgramiv(id, GL_LINK_STATUS, &ok);
+		glGetProgramInfoLog(id, sizeof log, NULL, log);
+		if (!ok)
+			error_set(err, "shader %s: %s", name, log);
+	}
+	if (ok)
+		return id;
+	glDeleteProgram(id);
+	return 0;
 }
 
 struct programs *programs_create(const char *shader_dir)
@@ -276,13 +297,15 @@ const struct program *programs_get(struct programs *programs, const char *name, 
 	struct program *p = &programs->list[programs->n++];
 	snprintf(p->name, sizeof p->name, "%s", full);
 	p->id = id;
-	glGetProgramiv(id, GL_COMPUTE_WORK_GROUP_SIZE, p->group);
+	if (strcmp(name + strlen(name) - 4, "vert") != 0)
+		glGetProgramiv(id, GL_COMPUTE_WORK_GROUP_SIZE, p->group);
 	p->has_tile = glGetUniformLocation(id, "tile") == LOCATION_TILE;
 	p->has_batch = glGetUniformLocation(id, "batch") == LOCATION_BATCH;
 	p->has_samples = glGetUniformLocation(id, "samples") == LOCATION_SAMPLES;
 	p->has_iteration = glGetUniformLocation(id, "iteration") == LOCATION_ITERATION;
 	p->has_planes = glGetUniformLocation(id, "planes") == LOCATION_PLANES;
 	p->has_white = glGetUniformLocation(id, "white") == LOCATION_WHITE;
+	p->has_rows = glGetUniformLocation(id, "rows") == LOCATION_ROWS;
 	p->has_box = glGetUniformLocation(id, "box") == LOCATION_BOX;
 	return p;
 }

@@ -3,8 +3,9 @@
 
 #include "api/error.h"
 
-/* Compute programs by the name of their file below shaders/ ("methods/march.comp"), compiled on
- * first use and kept until destroyed. */
+/* Programs by the name of their file below shaders/, compiled on first use and kept until destroyed:
+ * "methods/march.comp" is a compute program, "surfaces.vert" that vertex shader and the fragment shader of the same
+ * name. */
 struct programs;
 
 /* shader_dir: where to read the files from, "" for those embedded in the binary. NULL: no memory. */
@@ -14,8 +15,8 @@ void programs_destroy(struct programs *programs);
 struct program {
 	char name[64]; /* with its choices */
 	unsigned id;
-	int group[3]; /* local size */
-	bool has_tile, has_batch, has_iteration, has_samples, has_planes, has_white,
+	int group[3]; /* local size; 0 of a program that draws */
+	bool has_tile, has_batch, has_iteration, has_samples, has_planes, has_white, has_rows,
 		has_box; /* which plain uniforms of shared.h it uses */
 };
 

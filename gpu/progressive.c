@@ -124,6 +124,7 @@ bool progressive_photometer_step(struct workspace *ws, struct frame *frame, doub
 	pass.storage[BIND_RADIANCE] = ws->spectral_L.id;
 	pass.storage[BIND_TRANSMITTANCE] = ws->spectral_T.id;
 	pass.storage[BIND_DIRECTIONS] = ws->directions.id;
+	scenery_bind_rays(ws, frame, pass.storage);
 	frame_tables(ws, frame, frame->batch, NULL);
 	passes_run(ws->passes, &pass);
 	if (!frame_settle(ws, frame, groups, 1, err))
@@ -218,8 +219,11 @@ bool progressive_strip_pass(struct workspace *ws, struct frame *frame, bool *set
 		frame_finish(frame, WELKIN_FAILED, err->text);
 		return true;
 	}
-	image_run_sky(ws, frame, tile, ws->samples.id,
-		(const int[4]){ frame->groups, 1, PATHS_PER_PIXEL_PASS, max_order(frame) });
+	if (!image_run_sky(ws, frame, tile, ws->samples.id,
+		    (const int[4]){ frame->groups, 1, PATHS_PER_PIXEL_PASS, max_order(frame) }, err)) {
+		frame_finish(frame, WELKIN_FAILED, err->text);
+		return true;
+	}
 	if (!frame_settle(ws, frame, pixels, frame->scene.n_batches, err))
 		return false;
 	const float(*sample)[4] = ws->samples.data, (*layer)[4] = ws->sample_layers.data;

@@ -17,6 +17,7 @@ struct scene {
 	int n_batches;
 	struct BandsBlock batches[SCENE_MAX_BATCHES];
 	struct FittedBlock fitted[SCENE_MAX_BATCHES]; /* the method's prepare() fills it in */
+	struct SurfacesBlock surfaces;                /* surfaces.h fills it in, for a frame with a scene */
 	float method_values[METHOD_VALUES];           /* MethodBlock: parameters of an operator's method */
 	int n_nodes;
 	float nodes[SCENE_MAX_NODES][2]; /* Gauss-Legendre: position in [0,1], weight (sum 1) */

@@ -5,13 +5,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { TABLES_MAX = 256, KEY_MAX = 1024 };
+enum { TABLES_MAX = 256, KEY_MAX = 1280 };
 
 struct table {
-	unsigned texture;  /* 0: the slot is free */
+	unsigned texture;  /* 0 and object NULL: the slot is free */
 	unsigned previous; /* iterated: where the last run's result is while building; 0 otherwise */
 	int runs;          /* of the kernel so far */
+	const void *kind;  /* its desc, for a table */
 	const struct table_desc *desc;
+	void *object; /* of tables_keep() */
+	void (*destroy)(void *object);
 	char pass[32];
 	unsigned char key[KEY_MAX];
 	size_t key_size;
@@ -46,6 +49,8 @@ static void forget(struct table *table)
 		glDeleteTextures(1, &table->texture);
 	if (table->previous)
 		glDeleteTextures(1, &table->previous);
+	if (table->object)
+		table->destroy(table->object);
 	memset(table, 0, sizeof *table);
 }
 
@@ -107,11 +112,16 @@ static double desc_bytes(const struct table_desc *desc)
 	       texel_bytes(desc->internal_format);
 }
 
-static struct table *find(struct frame_tables *tables, const struct table_desc *desc, const void *key, size_t key_size)
+static bool occupied(const struct table *table)
+{
+	return table->texture || table->object;
+}
+
+static struct table *find(struct frame_tables *tables, const void *kind, const void *key, size_t key_size)
 {
 	for (int i = 0; i < TABLES_MAX; i++) {
 		struct table *t = &tables->list[i];
-		if (t->texture && t->desc == desc && t->key_size == key_size && memcmp(t->key, key, key_size) == 0)
+		if (occupied(t) && t->kind == kind && t->key_size == key_size && memcmp(t->key, key, key_size) == 0)
 			return t;
 	}
 	return NULL;
@@ -125,7 +135,7 @@ static struct table *make_room(struct frame_tables *tables, double bytes)
 		struct table *oldest = NULL, *slot = NULL;
 		for (int i = 0; i < TABLES_MAX; i++) {
 			struct table *t = &tables->list[i];
-			if (!t->texture)
+			if (!occupied(t))
 				slot = t;
 			else if (t->used < tables->pinned && (!oldest || t->used < oldest->used))
 				oldest = t;
@@ -169,7 +179,7 @@ static struct table *add(
 	}
 	t->texture = create_texture(desc);
 	t->previous = desc->feedback ? create_texture(desc) : 0;
-	t->desc = desc;
+	t->kind = t->desc = desc;
 	t->bytes = desc_bytes(desc);
 	t->key_size = key_size;
 	memcpy(t->key, key, key_size);
@@ -183,7 +193,7 @@ static bool run(struct frame_tables *tables, struct table *t, int batch, struct 
 	const struct table_desc *desc = t->desc;
 	char file[64];
 	snprintf(file, sizeof file, "tables/%s.comp", desc->name);
-	const struct program *program = programs_get(tables->programs, file, "", err);
+	const struct program *program = programs_get(tables->programs, file, desc->choices ? desc->choices : "", err);
 	if (!program)
 		return false;
 	if (t->previous) {
@@ -250,4 +260,31 @@ enum table_state tables_need(struct frame_tables *tables, const struct table_des
 	}
 	passes_texture(tables->passes, (unsigned)desc->unit, t->texture);
 	return TABLE_READY;
+}
+
+void *tables_kept(struct frame_tables *tables, const void *kind, const void *key, size_t key_size)
+{
+	struct table *t = find(tables, kind, key, key_size);
+	if (!t)
+		return NULL;
+	t->used = ++tables->clock;
+	return t->object;
+}
+
+bool tables_keep(struct frame_tables *tables, const void *kind, const void *key, size_t key_size, void *object,
+	double bytes, void (*destroy)(void *object), struct error *err)
+{
+	struct table *t = key_size <= KEY_MAX ? make_room(tables, bytes) : NULL;
+	if (!t) {
+		destroy(object);
+		return error_set(err, "no slot for one more object on the device");
+	}
+	t->kind = kind;
+	t->object = object;
+	t->destroy = destroy;
+	t->bytes = bytes;
+	t->key_size = key_size;
+	memcpy(t->key, key, key_size);
+	t->used = ++tables->clock;
+	return true;
 }

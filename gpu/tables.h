@@ -17,6 +17,7 @@ struct frame_tables;
 struct table_desc {
 	const char *name;         /* kernel shaders/tables/NAME.comp writes image unit 0 (writeonly); also the pass name
 				     "table-NAME" */
+	const char *choices;      /* as programs_get() takes them; NULL for none */
 	int width, height, depth; /* depth 0: 2-D */
 	unsigned internal_format; /* GL_RGBA32F, … */
 	int repeats;              /* 1: repeats in all directions; 0: clamped to the edge */
@@ -26,13 +27,21 @@ struct table_desc {
 	int threads[3];           /* invocations; 0: one per texel */
 };
 
-/* Makes sure the table for this key (at most 1024 bytes) exists and binds it to its unit, with a linear
+/* Makes sure the table for this key (at most 1280 bytes) exists and binds it to its unit, with a linear
  * filter. Where it does not, the call dispatches its kernel with the blocks of the scene and the
  * batch bound. A kernel that runs once is ready for the passes that follow; of one that iterates each
  * call dispatches one run and says that it is building, and the caller waits for the device (and
  * lets others have their turn) between calls. desc is told apart by its address: make it static. */
 enum table_state tables_need(struct frame_tables *tables, const struct table_desc *desc, const void *key,
 	size_t key_size, int batch, struct error *err);
+
+/* Other things on the device, kept under the same budget and by the same rule: what is told apart by `kind`, the
+ * address of something static, and a key of at most 1280 bytes. tables_kept: NULL where there is none; it counts as
+ * used by the slice in hand. tables_keep: object becomes the tables', which call destroy(object) when it has to go, and
+ * right away when false is returned. */
+void *tables_kept(struct frame_tables *tables, const void *kind, const void *key, size_t key_size);
+bool tables_keep(struct frame_tables *tables, const void *kind, const void *key, size_t key_size, void *object,
+	double bytes, void (*destroy)(void *object), struct error *err);
 
 /* ---- for the renderer, not for methods ---- */
 

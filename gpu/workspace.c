@@ -31,13 +31,48 @@ static void release(struct buffer *buffer)
 	memset(buffer, 0, sizeof *buffer);
 }
 
+static void release_raster(struct raster *r)
+{
+	glDeleteFramebuffers(1, &r->framebuffer);
+	glDeleteTextures(1, &r->color);
+	glDeleteTextures(1, &r->depth);
+	memset(r, 0, sizeof *r);
+}
+
+bool workspace_reserve_raster(struct workspace *ws, int width, int height, struct error *err)
+{
+	struct raster *r = &ws->raster;
+	if (r->width >= width && r->height >= height)
+		return true;
+	width = width > r->width ? width : r->width;
+	height = height > r->height ? height : r->height;
+	release_raster(r);
+	glCreateTextures(GL_TEXTURE_2D_MULTISAMPLE, 1, &r->color);
+	glCreateTextures(GL_TEXTURE_2D_MULTISAMPLE, 1, &r->depth);
+	glTextureStorage2DMultisample(r->color, RASTER_SAMPLES, GL_R32UI, width, height, GL_TRUE);
+	glTextureStorage2DMultisample(r->depth, RASTER_SAMPLES, GL_DEPTH_COMPONENT32F, width, height, GL_TRUE);
+	glCreateFramebuffers(1, &r->framebuffer);
+	glNamedFramebufferTexture(r->framebuffer, GL_COLOR_ATTACHMENT0, r->color, 0);
+	glNamedFramebufferTexture(r->framebuffer, GL_DEPTH_ATTACHMENT, r->depth, 0);
+	if (glCheckNamedFramebufferStatus(r->framebuffer, GL_DRAW_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE ||
+		glGetError() != GL_NO_ERROR) {
+		release_raster(r);
+		return error_set(err, "the device can't draw into %d by %d pixels", width, height);
+	}
+	r->width = width;
+	r->height = height;
+	return true;
+}
+
 void workspace_finish(struct workspace *ws)
 {
-	struct buffer *buffers[] = { &ws->rays, &ws->radiance, &ws->inscatter, &ws->transmittance, &ws->output,
-		&ws->counters, &ws->cloud_light, &ws->cloud_place, &ws->meter, &ws->samples, &ws->sample_layers,
-		&ws->directions, &ws->spectral_L, &ws->spectral_T };
+	struct buffer *buffers[] = { &ws->surface, &ws->rays, &ws->radiance, &ws->inscatter, &ws->transmittance,
+		&ws->output, &ws->counters, &ws->cloud_light, &ws->cloud_place, &ws->meter, &ws->samples,
+		&ws->sample_layers, &ws->directions, &ws->spectral_L, &ws->spectral_T };
 	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
 		release(buffers[i]);
+	release_raster(&ws->raster);
+	scene_store_finish(&ws->scenes);
 	tables_destroy(ws->tables);
 	passes_destroy(ws->passes);
 	programs_destroy(ws->programs);
@@ -69,7 +104,9 @@ bool workspace_reserve(struct buffer *buffer, size_t size, bool mapped, struct e
 struct cost workspace_setting(const struct welkin_request *request)
 {
 	const struct welkin_atmosphere *a = &request->atmosphere;
-	return (struct cost){ a->method, a->steps, a->light_steps, clouds_cost_key(&request->clouds), 0, 0 };
+	/* a frame with a scene costs more: it is learned apart */
+	const int method = a->method + (request->scene.name[0] ? WELKIN_METHODS_MAX : 0);
+	return (struct cost){ method, a->steps, a->light_steps, clouds_cost_key(&request->clouds), 0, 0 };
 }
 
 static struct cost *find_cost(struct workspace *ws, const struct cost *setting)

@@ -5,6 +5,7 @@
 #include "gpu/device.h"
 #include "gpu/passes.h"
 #include "gpu/program.h"
+#include "gpu/scene_store.h"
 #include "gpu/tables.h"
 
 #include <stddef.h>
@@ -31,19 +32,28 @@ struct cost {
 
 enum { WORKSPACE_COSTS = 64 };
 
+/* What the scene is drawn into, a strip at a time. */
+struct raster {
+	unsigned framebuffer, color, depth; /* multisampled textures */
+	int width, height;
+};
+
 struct workspace {
 	const struct device *device;
 	struct programs *programs;
 	struct passes *passes;
 	struct frame_tables *tables;
+	struct scene_store scenes;
 	double slice_ms;
 	int strip_pixels;                                       /* most pixels in a strip */
 	struct buffer rays, radiance, inscatter, transmittance; /* device only */
 	struct buffer output, counters;                         /* mapped */
 	struct buffer cloud_light, cloud_place;                 /* device only */
-	struct buffer meter;                                    /* mapped */
-	struct buffer samples, sample_layers;                   /* mapped; progressive methods */
-	struct buffer directions, spectral_L, spectral_T;       /* photometer; the last two mapped */
+	struct buffer surface;                                  /* device only: records of the strip's pixels */
+	struct raster raster;
+	struct buffer meter;                              /* mapped */
+	struct buffer samples, sample_layers;             /* mapped; progressive methods */
+	struct buffer directions, spectral_L, spectral_T; /* photometer; the last two mapped */
 	struct cost costs[WORKSPACE_COSTS];
 	unsigned cost_clock;
 	const void *bound; /* the frame whose blocks are on the device; frames clear it when they go */
@@ -56,6 +66,9 @@ void workspace_finish(struct workspace *ws);
 
 /* Makes the buffer at least that large; its content is lost when it grows. */
 bool workspace_reserve(struct buffer *buffer, size_t size, bool mapped, struct error *err);
+
+/* Makes the raster at least that large. */
+bool workspace_reserve_raster(struct workspace *ws, int width, int height, struct error *err);
 
 /* A setting, as costs are kept by: ms and used are not read. */
 struct cost workspace_setting(const struct welkin_request *request);

@@ -1,5 +1,6 @@
 #include "server/domain.h"
 #include "gpu/choose.h"
+#include "gpu/clouds.h"
 #include "gpu/operator_methods.h"
 
 #include <stdio.h>
@@ -32,6 +33,9 @@ void domain_check(const struct welkin_request *request, struct welkin_faults *fa
 			"the method %s is not available: %s", method->name, status.reason);
 		return;
 	}
+	if (method->progressive && request->scene.name[0] && clouds_present(&request->clouds))
+		welkin_fault_add(faults, 422, "atmosphere.method", "a scene or clouds, one at a time",
+			"the paths of method %s go through clouds or meet a scene, not yet both", method->name);
 	for (const struct method_range *r = method->domain; r && r->field; r++) {
 		double value = 0;
 		if (method_range_holds(r, request, &value))
@@ -45,10 +49,26 @@ void domain_check(const struct welkin_request *request, struct welkin_faults *fa
 	}
 }
 
-void domain_resolve(const struct welkin_draft *draft, enum welkin_format format, const struct welkin_limits *limits,
-	double samples, struct welkin_request *out, struct welkin_faults *faults)
+/* The name of a scene that nobody could load stays a fault, whoever forgot to look. */
+static void resolve_scene(const struct welkin_draft *draft, const struct scene_mesh *mesh, struct welkin_request *out,
+	struct welkin_faults *faults)
 {
-	welkin_resolve(draft, format, limits, out, faults);
+	if (mesh)
+		scenes_resolve(mesh, draft, out, faults);
+	else if (out->scene.name[0])
+		welkin_fault_add(
+			faults, 422, "scene.name", "see /v1/scenes", "there is no scene \"%s\"", out->scene.name);
+}
+
+void domain_resolve(const struct welkin_draft *draft, enum welkin_format format, const struct welkin_limits *limits,
+	double samples, const struct scene_mesh *mesh, struct welkin_request *out, struct welkin_faults *faults)
+{
+	struct welkin_draft completed = *draft;
+	if (mesh)
+		scenes_complete(mesh, &completed);
+	welkin_resolve(&completed, format, limits, out, faults);
+	if (!faults->n)
+		resolve_scene(draft, mesh, out, faults);
 	if (faults->n)
 		return;
 	const struct choose_terms terms = { .steps = draft->given[welkin_field_find("atmosphere.steps")],

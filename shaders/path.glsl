@@ -11,16 +11,15 @@
  * Sunlight is gathered at every vertex (next-event estimation), since the sun is a point to the air.
  */
 #include "column.glsl"
-#include "optical_depth_table.glsl"
-
-layout(binding = UNIT_OPTICAL_DEPTH) uniform sampler2D optical_depth_texture;
+#include "sun_column.glsl"
+#ifdef SCENE
+#include "path_scene.glsl"
+#endif
 
 /* Column from a point to the top, for a ray that misses the ground. */
 vec3 table_column(float h, float mu)
 {
-	vec2 size = vec2(textureSize(optical_depth_texture, 0));
-	vec2 uv = (table_from_point(h, mu) * (size - 1.0) + 0.5) / size;
-	return table_decode(textureLod(optical_depth_texture, uv, 0.0));
+	return sun_column(h, mu);
 }
 
 vec4 sun_transmittance(float h, float mu_s)
@@ -86,6 +85,9 @@ struct Vertex {
 	vec3 up;  /* vertical */
 	vec3 d;   /* direction of travel, away from the camera */
 	vec4 beta; /* throughput */
+#ifdef SCENE
+	vec3 at;   /* relative to the camera, world axes */
+#endif
 };
 
 void move(inout Vertex v, float mu, float t)
@@ -93,7 +95,17 @@ void move(inout Vertex v, float mu, float t)
 	float h = altitude_at(v.h, mu, t);
 	v.up = normalize(v.up * (media.planet_radius + v.h) + v.d * t);
 	v.h = h;
+#ifdef SCENE
+	v.at += v.d * t;
+#endif
 }
+
+/* Times the share of the sun that the scene leaves to a vertex. */
+#ifdef SCENE
+#define SUNLIT(v) * scene_sunlit(v.at)
+#else
+#define SUNLIT(v)
+#endif
 
 float band_mean(vec4 x)
 {
@@ -106,10 +118,32 @@ vec4 bounce_ground(inout Vertex v)
 	v.h = 0.0;
 	v.beta *= bands.ground_albedo;
 	float mu_s = dot(v.up, frame.sun_direction.xyz);
-	vec4 L = mu_s > 0.0 ? v.beta * bands.sun_irradiance * sun_transmittance(0.0, mu_s) * (mu_s / PI) : vec4(0.0);
+	vec4 L = mu_s > 0.0 ? v.beta * bands.sun_irradiance * sun_transmittance(0.0, mu_s) * (mu_s / PI) SUNLIT(v) : vec4(0.0);
 	v.d = around(v.up, sqrt(rng_next()), 2.0 * PI * rng_next());
 	return L;
 }
+
+#ifdef SCENE
+/* The same of a surface of the scene: Lambert, and the sun's glint. */
+vec4 bounce_surface(inout Vertex v, Surface s)
+{
+	vec3 to_sun = frame.sun_direction.xyz;
+	vec4 albedo = spectral_albedo(s.albedo), L = vec4(0.0);
+	float nl = max(dot(s.normal, to_sun), 0.0);
+	v.at += s.face * scene_offset(v.at);
+	if (nl > 0.0 && dot(s.face, to_sun) > 0.0) {
+		Lighting light;
+		light.n = s.normal;
+		light.v = -v.d;
+		light.l = to_sun;
+		vec4 glint = spectral_albedo(clamp(specular_brdf(materials[s.material], light), 0.0, 1e3));
+		L = v.beta * (albedo / PI + glint) * bands.sun_irradiance * (nl * sun_transmittance(v.h, dot(v.up, to_sun))) SUNLIT(v);
+	}
+	v.beta *= albedo;
+	v.d = around(s.normal, sqrt(rng_next()), 2.0 * PI * rng_next());
+	return L;
+}
+#endif
 
 /* Sunlight scattered at the vertex, whose beta carries transmittance and sampling weight but no coefficient. */
 vec4 scatter(inout Vertex v)
@@ -118,7 +152,7 @@ vec4 scatter(inout Vertex v)
 	vec4 rayleigh = bands.rayleigh * density.x, aerosol = bands.aerosol_scattering * density.y;
 	float nu = clamp(dot(v.d, to_sun), -1.0, 1.0);
 	vec4 phase = rayleigh * phase_rayleigh(nu) + aerosol * phase_aerosol(nu);
-	vec4 L = v.beta * phase * bands.sun_irradiance * sun_transmittance(v.h, dot(v.up, to_sun));
+	vec4 L = v.beta * phase * bands.sun_irradiance * sun_transmittance(v.h, dot(v.up, to_sun)) SUNLIT(v);
 
 	float wr = band_mean(v.beta * rayleigh), wm = band_mean(v.beta * aerosol), p = wr / max(wr + wm, 1e-30);
 	float g = media.aerosol_g, u = rng_next();
@@ -140,15 +174,37 @@ vec4 trace(Vertex v, float s0, int max_order)
 		bool down = ground >= 0.0;
 		float extent = down ? ground : ray_top_distance(v.h, mu);
 		vec3 start = down ? table_column(v.h, -mu) : table_column(v.h, mu);
+		bool ends = down; /* on something solid, of that albedo */
+		vec4 albedo = bands.ground_albedo;
+#ifdef SCENE
+		Surface met;
+		int triangle = scene_meet(v.at, v.d, down, extent);
+		if (triangle >= 0) {
+			ends = true;
+			met = surface_hit(triangle, v.at, v.d, order == 1 ? 1e-4 : 0.02);
+			albedo = spectral_albedo(met.albedo);
+		}
+#endif
 
-		if (down) {
+		if (ends) {
+#ifdef SCENE
+			float h_end = altitude_at(v.h, mu, extent), mu_end = mu_at(v.h, mu, extent, h_end);
+			vec3 end = table_column(h_end, down ? -mu_end : mu_end);
+			vec4 through = exp(-optical_depth(max(down ? end - start : start - end, 0.0)));
+#else
 			float mu_g = clamp(mu_at(v.h, mu, ground, 0.0), -1.0, 0.0);
 			vec4 through = exp(-optical_depth(max(table_column(0.0, -mu_g) - start, 0.0)));
-			float p = clamp(band_mean(v.beta * bands.ground_albedo * through) /
+#endif
+			float p = clamp(band_mean(v.beta * albedo * through) /
 						max(band_mean(v.beta), 1e-30), 0.0, 0.9);
 			if (rng_next() < p) {
-				move(v, mu, ground);
+				move(v, mu, extent);
 				v.beta *= through / p;
+#ifdef SCENE
+				if (triangle >= 0)
+					L += bounce_surface(v, met);
+				else
+#endif
 				L += bounce_ground(v);
 				s0 = rng_next();
 				continue;

@@ -27,6 +27,8 @@ typedef unsigned int uint;
 #define METHOD_VALUES 16
 #define BIND_CLOUDS 5
 
+#define BIND_SURFACES_BLOCK 6 /* uniform block of a frame with a scene */
+
 /* Shader storage bindings. A strip's pixels are numbered by rows; so are the directions of a radiance job. */
 #define BIND_RADIANCE 0      /* vec4 per pixel: linear Rec.709 cd/m² added up over batches, a = luminance of sun × transmittance; FEATURE_SPECTRAL: L of the batch */
 #define BIND_INSCATTER 1     /* vec4 per pixel: rgb in-scattered cd/m², a = distance to the ground in m (FEATURE_LAYERS) */
@@ -37,6 +39,12 @@ typedef unsigned int uint;
 #define BIND_NODES 6         /* quadrature nodes: vec2 (position in [0,1], weight) */
 #define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp */
 #define BIND_CLOUD_PLACE 8   /* vec4 per pixel: where they are */
+#define BIND_SURFACES 9      /* uvec4 per pixel: what of the scene it shows, shaders/surface_record.glsl */
+#define BIND_BVH 10           /* nodes, gpu/bvh.h */
+#define BIND_TRIANGLES 11     /* in the order of the nodes' leaves */
+#define BIND_VERTICES 12     /* of the placed mesh, VERTEX_FLOATS each */
+#define BIND_MATERIALS 13
+#define BIND_AMBIENT 14      /* float per vertex: share of the sky above it that is open */
 
 /* Texture units; a method's tables sit at fixed units so that programs need no set-up. */
 #define UNIT_OPTICAL_DEPTH 0
@@ -71,6 +79,28 @@ typedef unsigned int uint;
 #define MAJORANT_RUNS 20
 
 #define CLOUD_BASE_RUNS 16 /* slabs that the base shape is made in */
+#define UNIT_ALBEDO 18        /* array of the materials' colours, sRGB */
+#define UNIT_NORMAL 19        /* array of their normal maps */
+#define UNIT_RASTER 20       /* multisampled triangles of the strip in hand, counted from 1; 0: none */
+#define UNIT_SHADOW 21       /* depth from the sun, a layer for each cascade, compared */
+#define UNIT_SHADOW_DEPTH 22 /* the same, read as it is */
+#define UNIT_SHADOW_MOMENTS 23
+#define UNIT_SHAFTS 24       /* shadowed light by angle from the sun, plane and distance */
+#define UNIT_SHAFT_TREE 25   /* depth from the sun along the planes: minima and maxima */
+
+/* Samples of a pixel in the raster pass. */
+#define RASTER_SAMPLES 4
+#define VERTEX_FLOATS 8
+#define VERTEX_BITS 24       /* of a triangle's corner, the rest of its word is a third of the material */
+#define SHADOW_CASCADES 4
+
+/* Samples of the shafts' table: angle from the sun, planes through it, distances; depths along a plane, whose minima and
+ * maxima go up to blocks of 2^SHAFT_LEVELS. */
+#define SHAFT_ANGLES 192
+#define SHAFT_PLANES 256
+#define SHAFT_DISTANCES 32
+#define SHAFT_DEPTHS 1024
+#define SHAFT_LEVELS 5
 
 /* Samples of the four-dimensional scattering table: the sun's angle, the view's zenith angle (above and below the
  * horizon), the angle between their azimuths, altitude. */
@@ -102,6 +132,7 @@ typedef unsigned int uint;
 #define LOCATION_WHITE 3 /* vec4: linear Rec.709 of the sun's irradiance over all batches, and its luminance: what a transmittance of 1 adds up to */
 #define LOCATION_SAMPLES 6 /* ivec4, progressive methods: first group of paths, groups per ray in this dispatch, paths per group, highest order */
 #define LOCATION_ITERATION 5 /* int: how often a table's kernel has run before */
+#define LOCATION_ROWS 8  /* vec4[3]: of the matrix that a program which draws projects by */
 #define LOCATION_BOX 4   /* ivec4: x, y, width, height of the part of the strip that the sun's disk may touch */
 
 #define WORKGROUP_X 16
@@ -115,6 +146,10 @@ typedef unsigned int uint;
 #define FEATURE_CLOUDS 16
 #define FEATURE_SKY_ON_GROUND 32 /* the method's ground is lit by the sky as well as by the sun */
 #define FEATURE_SPECTRAL 8 /* radiance job: L and T per band, no matrix */
+#define FEATURE_SURFACES 64 /* BIND_SURFACES says what of a scene the pixels show */
+#define FEATURE_SHAFTS 512 /* the scene shadows the air */
+#define FEATURE_TRACED 256 /* paths meet the scene */
+#define FEATURE_SHADOWS 128 /* the shadow map is there */
 
 #define PHASE_CORNETTE_SHANKS 0
 #define PHASE_HENYEY_GREENSTEIN 1
@@ -158,6 +193,13 @@ typedef unsigned int uint;
 #define TONE_REINHARD 2
 #define TONE_EXPONENTIAL 3
 #define TONE_NONE 4
+
+#define SHADING_PHYSICAL 0
+#define SHADING_PHONG 1
+#define SHADOW_NONE 0
+#define SHADOW_BILINEAR 1
+#define SHADOW_GAUSSIAN 2
+#define SHADOW_VARIANCE 3
 
 /* FrameBlock.output_format */
 #define OUTPUT_RGBA8 0
@@ -239,6 +281,23 @@ WELKIN_BLOCK(BandsBlock, BIND_BANDS)
 	vec4 sun_luminance;    /* cd/m² of the sun's irradiance taken as a radiance: what transmittances are weighted by for alpha */
 	vec4 to_rgb[3];        /* rows: linear Rec.709 in cd/m² from the four radiances */
 WELKIN_BLOCK_END(bands)
+
+/* The scene under the sky: where the mesh stands and how it is lit. */
+WELKIN_BLOCK(SurfacesBlock, BIND_SURFACES_BLOCK)
+	vec4 axis[3];          /* xyz: the mesh's unit vectors in the world frame */
+	vec4 camera_high, camera_low; /* xyz: the camera in the mesh's frame is the sum of both, m */
+	vec4 low, high;        /* xyz: bounds in the mesh's frame, m */
+	vec4 sun;              /* xyz: to the sun, mesh's frame */
+	vec4 shadow_row[3 * SHADOW_CASCADES]; /* of cascade c, from 3 c: dot(xyz, v) + w of a point v relative to the camera, in world axes, is u, v, depth in [0,1], depth away from the sun */
+	vec4 shadow_reach;     /* m from the camera: cascade c is for points nearer than that */
+	vec4 shadow_texel;     /* m: across a texel of each cascade */
+	int shading, shadow_filter, shadow_cascades, shadow_size; /* enums of api/request.h */
+	float shadow_depth;    /* m: from depth 0 to 1 of cascade 0 */
+	int shaft_steps, shadow_region;
+	float shaft_phi;       /* rad: middle of the planes through the sun that the view has */
+	vec4 shaft_range;      /* rad: angle from the sun, from and to; angle of the plane about shaft_phi, from and to */
+	vec4 shaft_reach;      /* m from the camera, from and to: where the mesh can throw shadows */
+WELKIN_BLOCK_END(surfaces)
 
 /* The sky of method fitted for a batch; gpu/fitted.h. */
 WELKIN_BLOCK(FittedBlock, BIND_FITTED)

@@ -3,7 +3,7 @@
  * pixels and bare directions, spectral batches, layers and accumulation from here. Directions come
  * from rays.comp or from a radiance job; the sun's disk is added by sun_disk.comp.
  */
-#include "shared.h"
+#include "sky_output.glsl"
 
 /* A ray from the camera; the camera is at the same place for all of them. */
 struct Ray {
@@ -24,13 +24,8 @@ float ray_ground_distance(float h, float mu);
  * is left out of the in-scatter layer. A method that draws ground sets it. */
 vec4 ground_reflected = vec4(0.0);
 
-layout(local_size_x = WORKGROUP_LINE) in;
-layout(location = LOCATION_TILE) uniform ivec4 tile;
-layout(location = LOCATION_BATCH) uniform int batch;
-layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
-layout(std430, binding = BIND_INSCATTER) buffer Inscatter { vec4 inscatter[]; };
-layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
-layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
+/* Distance to a surface that method_sky() itself met, for the depth layer; negative: none. */
+float surface_reached = -1.0;
 
 /* Chosen when the program is built, where the renderer does so. */
 #ifndef SPECTRAL
@@ -44,16 +39,6 @@ layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 dire
 #ifndef RAY_SHARE
 #define RAY_SHARE 1
 #endif
-
-bool feature(int bit)
-{
-	return (frame.features & bit) != 0;
-}
-
-vec3 to_rgb(vec4 L)
-{
-	return vec3(dot(bands.to_rgb[0], L), dot(bands.to_rgb[1], L), dot(bands.to_rgb[2], L));
-}
 
 /* Replies the bands as they are, the uniform disk included where the direction is within it: by the
  * chord, since cosines of angles this small have lost their digits. */
@@ -77,6 +62,7 @@ void add_pixel(int i, Ray ray, vec4 L, vec4 T)
 	}
 	if (LAYERS != 0) {
 		float ground = ray.pixel_solid_angle < 0.0 ? -1.0 : ray_ground_distance(ray.h, ray.mu);
+		ground = surface_reached >= 0.0 ? surface_reached : ground;
 		vec3 layer = to_rgb(L - ground_reflected);
 		inscatter[i] = vec4(first ? layer : inscatter[i].rgb + layer,
 			ground >= 0.0 ? ground : uintBitsToFloat(0x7f800000u)); /* +inf: none */
@@ -96,8 +82,16 @@ void main()
 	ray.up = frame.vertical.xyz;
 	ray.mu = clamp(dot(ray.up, ray.d), -1.0, 1.0);
 	ray.pixel_solid_angle = at.w;
-	vec4 L, T;
-	method_sky(ray, L, T);
+	vec4 L = vec4(0.0), T = vec4(0.0);
+	/* what surfaces of a scene leave of the sky; surfaces.comp adds theirs */
+	float open = feature(FEATURE_SURFACES) ? 1.0 - surface_coverage(surface[i]) : 1.0;
+	if (open > 0.0)
+		method_sky(ray, L, T);
+	if (open < 1.0) {
+		L *= open;
+		T *= open;
+		ground_reflected *= open;
+	}
 	if (at.w < 0.0) {
 		L = ground_reflected = vec4(0.0);
 		T = vec4(1.0);

@@ -177,6 +177,11 @@ bool lib_render(struct lib_renderer *renderer, const struct welkin_request *requ
 	return run(renderer, &job, NULL, 0, pixels, result);
 }
 
+bool lib_render_job(struct lib_renderer *renderer, struct welkin_job *job, void **pixels, struct welkin_result *result)
+{
+	return run(renderer, job, NULL, 0, pixels, result);
+}
+
 bool lib_radiance(struct lib_renderer *renderer, const struct welkin_request *request, const double (*directions)[3],
 	int n_directions, const double *wavelengths_nm, int n_wavelengths, double **reply, struct welkin_result *result)
 {

@@ -30,6 +30,9 @@ int lib_render_stop(struct lib_renderer *renderer);
 bool lib_render(struct lib_renderer *renderer, const struct welkin_request *request, void **pixels,
 	struct welkin_result *result);
 
+/* The same with a job that says more than a request: its kind is image. */
+bool lib_render_job(struct lib_renderer *renderer, struct welkin_job *job, void **pixels, struct welkin_result *result);
+
 /* The photometer: *reply as welkin_radiance_layout() lays it (input included), malloc'd. */
 bool lib_radiance(struct lib_renderer *renderer, const struct welkin_request *request, const double (*directions)[3],
 	int n_directions, const double *wavelengths_nm, int n_wavelengths, double **reply,

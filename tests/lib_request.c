@@ -55,6 +55,10 @@ struct welkin_request request_of(int preset, double altitude_m, double sun_eleva
 	r.sun.intensity = 1;
 	r.sun.angular_radius_deg = 0.2666;
 	r.sun.spectrum = WELKIN_SUN_FLAT;
+	r.scene.scale = 1;
+	r.scene.shadow = WELKIN_SHADOW_GAUSSIAN;
+	r.scene.shadow_size = 1024;
+	r.scene.shaft_steps = 64;
 	a->preset = preset;
 	a->spectrum = WELKIN_SPECTRUM_4;
 	a->steps = 30;

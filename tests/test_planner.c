@@ -54,7 +54,7 @@ static struct plan plan_of(const struct welkin_request *r, enum welkin_job_kind 
 	const struct welkin_job job = { .kind = (int32_t)kind, .request = *r, .n_directions = 1, .n_wavelengths = 1 };
 	const double nm = 550;
 	scene_prepare(&scene, r, kind == WELKIN_JOB_RADIANCE ? &nm : NULL, 1);
-	planner_plan(&plan, &job, &scene, welkin_methods[r->atmosphere.method]);
+	planner_plan(&plan, &job, &scene, welkin_methods[r->atmosphere.method], NULL);
 	return plan;
 }
 

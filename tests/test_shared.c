@@ -53,6 +53,14 @@ static const struct member bands_members[] = { M(BandsBlock, wavelength), M(Band
 static const struct member fitted_members[] = { A(FittedBlock, term), A(FittedBlock, depth), M(FittedBlock, ground),
 	M(FittedBlock, least), M(FittedBlock, exponent), M(FittedBlock, geometry), { 0 } };
 
+static const struct member surfaces_members[] = { A(SurfacesBlock, axis), M(SurfacesBlock, camera_high),
+	M(SurfacesBlock, camera_low), M(SurfacesBlock, low), M(SurfacesBlock, high), M(SurfacesBlock, sun),
+	A(SurfacesBlock, shadow_row), M(SurfacesBlock, shadow_reach), M(SurfacesBlock, shadow_texel),
+	M(SurfacesBlock, shading), M(SurfacesBlock, shadow_filter), M(SurfacesBlock, shadow_cascades),
+	M(SurfacesBlock, shadow_size), M(SurfacesBlock, shadow_depth), M(SurfacesBlock, shaft_steps),
+	M(SurfacesBlock, shadow_region), M(SurfacesBlock, shaft_phi), M(SurfacesBlock, shaft_range),
+	M(SurfacesBlock, shaft_reach), { 0 } };
+
 static GLint resource(GLuint program, GLenum interface, const char *name, GLenum property)
 {
 	const GLuint index = glGetProgramResourceIndex(program, interface, name);
@@ -84,6 +92,7 @@ static void blocks_agree(void **state)
 	check_block("FrameBlock", frame_members, BIND_FRAME, sizeof(struct FrameBlock));
 	check_block("MediaBlock", media_members, BIND_MEDIA, sizeof(struct MediaBlock));
 	check_block("BandsBlock", bands_members, BIND_BANDS, sizeof(struct BandsBlock));
+	check_block("SurfacesBlock", surfaces_members, BIND_SURFACES_BLOCK, sizeof(struct SurfacesBlock));
 	check_block("FittedBlock", fitted_members, BIND_FITTED, sizeof(struct FittedBlock));
 }
 
@@ -98,6 +107,14 @@ static void every_shader_compiles(void **state)
 		assert_true(lib_gpu_program(f->name, "")->id > 0);
 		n++;
 	}
+	static const char *const drawn[] = { "surfaces.vert", "shadow.vert" };
+	for (int i = 0; i < 2; i++)
+		assert_true(lib_gpu_program(drawn[i], "")->id > 0);
+	static const char *const others[][2] = { { "surfaces.comp", "AERIAL_MARCH=1" },
+		{ "shafts.comp", "EPIPOLAR=1 SCALED=0" }, { "shafts.comp", "EPIPOLAR=0 SCALED=1" },
+		{ "tables/shafts.comp", "SCALED=0" }, { "methods/reference.comp", "SCENE=1" } };
+	for (size_t i = 0; i < sizeof others / sizeof others[0]; i++)
+		assert_true(lib_gpu_program(others[i][0], others[i][1])->id > 0);
 	assert_true(n >= 8);
 	char choices[64];
 	for (int projection = 0; projection <= PROJECTION_CUBEMAP; projection++) {

@@ -27,6 +27,15 @@ void method_sky(Ray ray, out vec4 L, out vec4 T)
 	start.up = entered > 0.0 ? normalize(ray.up * (media.planet_radius + ray.h) + ray.d * entered) : ray.up;
 	start.d = ray.d;
 	start.beta = vec4(1.0);
+#ifdef SCENE /* paths meet a mesh */
+	start.at = ray.d * entered;
+	float ground = ray_ground_distance(h, mu), far = ground >= 0.0 ? ground : ray_top_distance(h, mu);
+	bool met = scene_meet(start.at, ray.d, ground >= 0.0, far) >= 0;
+	if (met)
+		surface_reached = entered + far;
+	T = met ? vec4(0.0) : vec4(1.0);
+	if (!met)
+#endif
 	T = ray_ground_distance(h, mu) >= 0.0 ? vec4(0.0) : exp(-optical_depth(table_column(h, mu)));
 	int index = int(gl_GlobalInvocationID.x), group = samples.x + index % samples.y;
 	uvec2 pixel = uvec2(tile.x + (index / samples.y) % tile.z, tile.y + (index / samples.y) / tile.z);
@@ -40,8 +49,18 @@ void method_sky(Ray ray, out vec4 L, out vec4 T)
 	L = traced.L;
 	T *= traced.clear;
 #else
-	for (int i = 0; i < samples.z; i++)
+#ifdef SCENE
+	vec3 x = normalize(cross(ray.d, frame.camera_up.xyz)), y = cross(x, ray.d);
+	float angle = sqrt(max(ray.pixel_solid_angle, 0.0));
+#endif
+	for (int i = 0; i < samples.z; i++) {
+#ifdef SCENE /* edges and textures are finer than a pixel, and every path looks elsewhere in it */
+		start.d = normalize(ray.d + angle * ((rng_next() - 0.5) * x + (rng_next() - 0.5) * y));
+		start.at = start.d * entered;
+		start.up = entered > 0.0 ? normalize(ray.up * (media.planet_radius + ray.h) + start.at) : ray.up;
+#endif
 		L += trace(start, (float(i) + rng_next()) / float(samples.z), samples.w);
+	}
 	L = L / float(samples.z);
 #endif
 }

@@ -1,0 +1,264 @@
+#include "gpu/scenery.h"
+
+#include "gpu/frame.h"
+#include "gpu/shadow.h"
+#include "gpu/shafts.h"
+#include "gpu/sky_tables.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* llvmpipe filters anisotropically at ten times the cost of the whole pass without. */
+static int anisotropy(const struct workspace *ws)
+{
+	return ws->device->info.software ? 1 : 8;
+}
+
+/* Only what is drawn straight can be drawn by a raster pass. */
+static bool draws(const struct frame *f)
+{
+	const int projection = f->job.request.image.projection;
+	return f->job.kind == WELKIN_JOB_IMAGE &&
+	       (projection == WELKIN_PERSPECTIVE || projection == WELKIN_CUBE_FACE || projection == WELKIN_CUBEMAP);
+}
+
+/* The camera's axes turned to a cube's face: right, up, forward as multiples of the camera's. */
+static const signed char face_axes[6][3][3] = {
+	[FACE_FRONT] = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } },
+	[FACE_RIGHT] = { { 0, 0, -1 }, { 0, 1, 0 }, { 1, 0, 0 } },
+	[FACE_BACK] = { { -1, 0, 0 }, { 0, 1, 0 }, { 0, 0, -1 } },
+	[FACE_LEFT] = { { 0, 0, 1 }, { 0, 1, 0 }, { -1, 0, 0 } },
+	[FACE_UP] = { { 1, 0, 0 }, { 0, 0, -1 }, { 0, 1, 0 } },
+	[FACE_DOWN] = { { 1, 0, 0 }, { 0, 0, 1 }, { 0, -1, 0 } },
+};
+
+static void turn_to_face(const struct FrameBlock *frame, int face, struct surfaces_window *w)
+{
+	const float *camera[3] = { frame->camera_right, frame->camera_up, frame->camera_forward };
+	double *out[3] = { w->right, w->up, w->forward };
+	for (int axis = 0; axis < 3; axis++)
+		for (int k = 0; k < 3; k++) {
+			out[axis][k] = 0;
+			for (int c = 0; c < 3; c++)
+				out[axis][k] += face_axes[face][axis][c] * (double)camera[c][k];
+		}
+}
+
+/* What a view that is one window sees; false for others. */
+static bool whole_window(const struct frame *f, struct surfaces_window *w)
+{
+	const struct FrameBlock *frame = &f->scene.frame;
+	const bool face = frame->projection == PROJECTION_CUBE_FACE;
+	if (f->job.kind != WELKIN_JOB_IMAGE || !(face || frame->projection == PROJECTION_PERSPECTIVE))
+		return false;
+	*w = (struct surfaces_window){ .center = { frame->width / 2.0, frame->height / 2.0 },
+		.box = { 0, 0, frame->width, frame->height } };
+	w->f[0] = face ? frame->width / 2.0 : frame->height / 2.0 / (double)frame->tan_half_fov;
+	w->f[1] = face ? frame->height / 2.0 : w->f[0];
+	turn_to_face(frame, face ? frame->cube_face : FACE_FRONT, w);
+	return true;
+}
+
+bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
+{
+	struct scenery *s = &f->scenery;
+	s->there = f->plan.features & (FEATURE_SURFACES | FEATURE_TRACED);
+	if (!s->there)
+		return true;
+	s->surfaces = surfaces_need(ws->tables, f->mesh, &f->job.request, anisotropy(ws), err);
+	if (!s->surfaces)
+		return false;
+	surfaces_prepare(&f->scene.surfaces, &f->job.request, s->surfaces->low, s->surfaces->high);
+	if (f->plan.features & FEATURE_TRACED) {
+		char file[64];
+		snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
+		return (f->sky = programs_get(ws->programs, file, "SCENE=1", err)) != NULL;
+	}
+	struct surfaces_window window;
+	const bool one = whole_window(f, &window);
+	shadow_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
+	if (draws(f)) {
+		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
+		s->gather = programs_get(ws->programs, "surfaces_gather.comp", "", err);
+	}
+	if (f->plan.features & FEATURE_SHAFTS) {
+		shafts_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
+		char choices[64];
+		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d", f->plan.epipolar,
+			!f->method->single_scattering);
+		if (!(s->shafts = programs_get(ws->programs, "shafts.comp", choices, err)))
+			return false;
+	}
+	s->cast = programs_get(ws->programs, "surfaces_cast.comp", "", err);
+	s->light = programs_get(
+		ws->programs, "surfaces.comp", f->method->single_scattering ? "AERIAL_MARCH=1" : "AERIAL_MARCH=0", err);
+	return (!draws(f) || (s->draw && s->gather)) && s->cast && s->light;
+}
+
+/* Open sky of some more vertices: once for a mesh, over as many slices as it takes. */
+static enum table_state find_open_sky(struct workspace *ws, struct surfaces *s, struct error *err)
+{
+	enum { VERTICES_PER_SLICE = 4096 };
+	const uint32_t left = s->n_vertices - s->ambient_done,
+		       n = left < VERTICES_PER_SLICE ? left : VERTICES_PER_SLICE;
+	if (n == 0 || s->n_triangles == 0)
+		return TABLE_READY;
+	struct pass pass = { .name = "open-sky",
+		.program = programs_get(ws->programs, "surfaces_ambient.comp", "", err),
+		.tile = { (int)s->ambient_done, 0, (int)n, 1 },
+		.threads = { (int)n, 1, 1 } };
+	if (!pass.program)
+		return TABLE_FAILED;
+	surfaces_bind(s, ws->passes, pass.storage);
+	passes_run(ws->passes, &pass);
+	s->ambient_done += n;
+	return TABLE_BUILDING;
+}
+
+enum table_state scenery_bind(struct workspace *ws, struct frame *f, struct error *err)
+{
+	struct scenery *s = &f->scenery;
+	if (!s->there)
+		return TABLE_READY;
+	s->surfaces = surfaces_need(ws->tables, f->mesh, &f->job.request, anisotropy(ws), err);
+	if (!s->surfaces)
+		return TABLE_FAILED;
+	if (f->scene.frame.features & FEATURE_SHADOWS &&
+		!shadow_need(ws->tables, ws->passes, ws->programs, s->surfaces, &f->scene.surfaces, err))
+		return TABLE_FAILED;
+	return f->plan.features & FEATURE_SURFACES ? find_open_sky(ws, s->surfaces, err) : TABLE_READY;
+}
+
+enum table_state scenery_tables(struct workspace *ws, const struct frame *f, int batch, struct error *err)
+{
+	if (!f->scenery.light)
+		return TABLE_READY;
+	const enum table_state state = f->method->single_scattering ? need_multiple(ws->tables, &f->scene, batch, err)
+								    : need_aerial(ws->tables, &f->scene, batch, err);
+	if (state != TABLE_READY || !f->plan.epipolar)
+		return state;
+	return shafts_need(ws->tables, &f->scene, f->scenery.surfaces, !f->method->single_scattering, batch, err);
+}
+
+/* ---- records ---- */
+
+/* Draws what one window sees; tile: where the raster's first pixel lies in the image. */
+static void draw_window(
+	struct workspace *ws, const struct frame *f, const int tile[4], const struct surfaces_window *window)
+{
+	const struct scenery *s = &f->scenery;
+	struct draw draw = { .name = "surfaces-draw",
+		.program = s->draw,
+		.framebuffer = ws->raster.framebuffer,
+		.vertex_array = s->surfaces->vertex_array,
+		.list = surfaces_cull(s->surfaces, &f->scene.surfaces, window),
+		.viewport = { window->box[0] - tile[0], window->box[1] - tile[1], window->box[2], window->box[3] },
+		.clear = true,
+		.reversed = true };
+	surfaces_bind(s->surfaces, ws->passes, draw.storage);
+	surfaces_rows(window, draw.rows);
+	passes_draw(ws->passes, &draw);
+}
+
+/* First of the pixels whose centres lie at or beyond x. */
+static int first_pixel(double x)
+{
+	return (int)ceil(x - 0.5);
+}
+
+/* The part of a cell of the cross that the tile holds; false: none. */
+static bool clip_box(const double cell[4], const int tile[4], int box[4])
+{
+	for (int i = 0; i < 2; i++) {
+		const int from = first_pixel(cell[i]), to = first_pixel(cell[i] + cell[i + 2]);
+		box[i] = from > tile[i] ? from : tile[i];
+		box[i + 2] = (to < tile[i] + tile[i + 2] ? to : tile[i] + tile[i + 2]) - box[i];
+		if (box[i + 2] <= 0)
+			return false;
+	}
+	return true;
+}
+
+static void draw_cross(struct workspace *ws, const struct frame *f, const int tile[4])
+{
+	static const int cells[6][3] = { { FACE_LEFT, 0, 1 }, { FACE_FRONT, 1, 1 }, { FACE_RIGHT, 2, 1 },
+		{ FACE_BACK, 3, 1 }, { FACE_UP, 1, 0 }, { FACE_DOWN, 1, 2 } };
+	const double width = f->scene.frame.width / 4.0, height = f->scene.frame.height / 3.0;
+	for (int i = 0; i < 6; i++) {
+		const double cell[4] = { cells[i][1] * width, cells[i][2] * height, width, height };
+		struct surfaces_window w = { .f = { width / 2, height / 2 },
+			.center = { cell[0] + width / 2, cell[1] + height / 2 } };
+		turn_to_face(&f->scene.frame, cells[i][0], &w);
+		if (clip_box(cell, tile, w.box))
+			draw_window(ws, f, tile, &w);
+	}
+}
+
+static void draw_tile(struct workspace *ws, const struct frame *f, const int tile[4])
+{
+	struct surfaces_window w;
+	if (!whole_window(f, &w)) {
+		draw_cross(ws, f, tile);
+		return;
+	}
+	memcpy(w.box, tile, sizeof w.box);
+	draw_window(ws, f, tile, &w);
+}
+
+bool scenery_records(struct workspace *ws, const struct frame *f, const int tile[4], struct error *err)
+{
+	const struct scenery *s = &f->scenery;
+	const int pixels = tile[2] * tile[3];
+	if (!s->light)
+		return true;
+	if (!workspace_reserve(&ws->surface, (size_t)pixels * 16, false, err))
+		return false;
+	struct pass pass = { .name = "surfaces-gather", .program = s->gather, .threads = { tile[2], tile[3], 1 } };
+	/* for the few pixels of the meter, rays are cheaper than a look at every triangle */
+	if (s->draw && f->stage != FRAME_METER) {
+		if (!workspace_reserve_raster(ws, tile[2], tile[3], err))
+			return false;
+		draw_tile(ws, f, tile);
+		passes_texture(ws->passes, UNIT_RASTER, ws->raster.color);
+		surfaces_bind(s->surfaces, ws->passes, pass.storage);
+	} else {
+		pass.name = "surfaces-cast";
+		pass.program = s->cast;
+		pass.threads[0] = pixels;
+		pass.threads[1] = 1;
+		surfaces_bind(s->surfaces, ws->passes, pass.storage);
+	}
+	memcpy(pass.tile, tile, sizeof pass.tile);
+	pass.storage[BIND_DIRECTIONS] = f->job.kind == WELKIN_JOB_IMAGE ? ws->rays.id : ws->directions.id;
+	pass.storage[BIND_SURFACES] = ws->surface.id;
+	passes_run(ws->passes, &pass);
+	return true;
+}
+
+void scenery_light(
+	struct workspace *ws, const struct frame *f, const int tile[4], int batch, const unsigned storage[PASS_STORAGE])
+{
+	const struct scenery *s = &f->scenery;
+	if (!s->light)
+		return;
+	struct pass pass = {
+		.name = "surfaces", .program = s->light, .batch = batch, .threads = { tile[2] * tile[3], 1, 1 }
+	};
+	memcpy(pass.tile, tile, sizeof pass.tile);
+	memcpy(pass.storage, storage, sizeof pass.storage);
+	surfaces_bind(s->surfaces, ws->passes, pass.storage);
+	pass.storage[BIND_SURFACES] = ws->surface.id;
+	passes_run(ws->passes, &pass);
+	if (!s->shafts)
+		return;
+	pass.name = "shafts";
+	pass.program = s->shafts;
+	passes_run(ws->passes, &pass);
+}
+
+void scenery_bind_rays(struct workspace *ws, const struct frame *f, unsigned storage[PASS_STORAGE])
+{
+	if (f->plan.features & FEATURE_TRACED)
+		surfaces_bind(f->scenery.surfaces, ws->passes, storage);
+}

@@ -1,0 +1,40 @@
+#ifndef WELKIN_GPU_SCENERY_H
+#define WELKIN_GPU_SCENERY_H
+
+#include "api/error.h"
+#include "gpu/method.h"
+#include "gpu/program.h"
+#include "gpu/surfaces.h"
+
+/*
+ * The scene's part in a frame: between frame.c, image.c and photometer.c.
+ */
+struct frame;
+struct workspace;
+
+struct scenery {
+	bool there;                /* the frame has a scene that can matter */
+	struct surfaces *surfaces; /* good for the slice in hand */
+	const struct program *draw, *gather, *cast, *light, *shafts;
+};
+
+/* After the plan: the programs, and the frame's block. */
+bool scenery_start(struct workspace *ws, struct frame *frame, struct error *err);
+
+/* At the start of a slice: sees to the mesh. */
+enum table_state scenery_bind(struct workspace *ws, struct frame *frame, struct error *err);
+
+/* Sees to the tables that its light needs, for a spectral batch. */
+enum table_state scenery_tables(struct workspace *ws, const struct frame *frame, int batch, struct error *err);
+
+/* What the tile's pixels (or a radiance job's directions) show of the scene, into ws->surface; their rays are there. */
+bool scenery_records(struct workspace *ws, const struct frame *frame, const int tile[4], struct error *err);
+
+/* For a pass that follows rays into the scene: which buffers it finds it in. */
+void scenery_bind_rays(struct workspace *ws, const struct frame *frame, unsigned storage[PASS_STORAGE]);
+
+/* Adds the surfaces' light for a batch whose sky is there; storage: the buffers that the sky was given. */
+void scenery_light(struct workspace *ws, const struct frame *frame, const int tile[4], int batch,
+	const unsigned storage[PASS_STORAGE]);
+
+#endif

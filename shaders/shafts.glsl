@@ -1,0 +1,157 @@
+/*
+ * Shadows in the air. A method's sky takes all air for lit; here is what the scene takes from it: light scattered once at points
+ * that the mesh hides from the sun. So only the stretch of a ray that can be in shadow has to be followed, and the method may
+ * be any.
+ *
+ * Epipolar sampling (Engelhardt & Dachsbacher 2010, Yusov 2013): all rays in a plane through camera and sun see the same line
+ * of the shadow map. Along each plane the map is resampled once, with minima and maxima over blocks, by which the
+ * shadowed share of any stretch of a ray is found without looking at every texel. What a ray loses up to each of some distances
+ * fills a table over the angle from the sun, the plane and the distance, for all pixels to read: planes and angles stand in for
+ * image coordinates, so that every projection can use it.
+ */
+#include "multiple_table.glsl"
+#include "shadow.glsl"
+
+/* Chosen when the program is built: extinction as the method has it. */
+#ifndef SCALED
+#define SCALED 1
+#endif
+
+vec4 shaft_depth(vec3 column)
+{
+	return SCALED != 0 ? scaled_depth(column) : optical_depth(column);
+}
+
+/* The coarsest cascade, which holds all the others. */
+int shaft_row()
+{
+	return 3 * (surfaces.shadow_cascades - 1);
+}
+
+struct ShaftRay {
+	float h, mu, mu_s, nu; /* at the camera */
+	float entered, top;    /* m: the stretch inside the atmosphere */
+	vec3 place, step;      /* shadow map: at the camera, and per m */
+	float phase_rayleigh, phase_aerosol;
+};
+
+ShaftRay shaft_ray(vec3 d)
+{
+	ShaftRay ray;
+	vec3 up = frame.vertical.xyz, sun = frame.sun_direction.xyz;
+	ray.h = frame.camera_altitude;
+	ray.mu = clamp(dot(d, up), -1.0, 1.0);
+	ray.mu_s = clamp(dot(up, sun), -1.0, 1.0);
+	ray.nu = clamp(dot(d, sun), -1.0, 1.0);
+	float h = ray.h, mu = ray.mu;
+	ray.entered = ray_enter(h, mu, length(cross(d, up)));
+	ray.top = ray.entered < 0.0 ? -1.0 : ray.entered + ray_top_distance(h, mu);
+	int row = shaft_row();
+	ray.place = vec3(surfaces.shadow_row[row].w, surfaces.shadow_row[row + 1].w, surfaces.shadow_row[row + 2].w);
+	ray.step = vec3(dot(surfaces.shadow_row[row].xyz, d), dot(surfaces.shadow_row[row + 1].xyz, d), dot(surfaces.shadow_row[row + 2].xyz, d));
+	ray.phase_rayleigh = phase_rayleigh(ray.nu);
+	ray.phase_aerosol = phase_aerosol(ray.nu);
+	return ray;
+}
+
+/* Light scattered towards the camera per m at distance t, were it lit; column: of the ray up to there, which goes on by dt. */
+vec4 shaft_source(ShaftRay ray, float t, float dt, inout vec3 column)
+{
+	float R = media.planet_radius, h = altitude_at(ray.h, ray.mu, t);
+	float mu_s = clamp(((R + ray.h) * ray.mu_s + t * ray.nu) / (R + h), -1.0, 1.0);
+	vec3 density = density_at(h), half_way = column + 0.5 * dt * density;
+	column += dt * density;
+	if (mu_s <= mu_horizon(h) || h > media.top)
+		return vec4(0.0);
+	vec4 scattering = bands.rayleigh * (density.x * ray.phase_rayleigh) + bands.aerosol_scattering * (density.y * ray.phase_aerosol);
+	return bands.sun_irradiance * scattering * exp(-shaft_depth(half_way + sun_column(h, mu_s)));
+}
+
+/* Column between two distances, by a few steps. */
+vec3 shaft_column(ShaftRay ray, float from, float to, int steps)
+{
+	vec3 column = vec3(0.0);
+	float dt = max(to - from, 0.0) / float(steps);
+	for (int i = 0; i < steps; i++)
+		column += dt * density_at(altitude_at(ray.h, ray.mu, from + (float(i) + 0.5) * dt));
+	return column;
+}
+
+/* Where the ray lies over the map and not nearer to the sun than all of the mesh. */
+vec2 shaft_interval(ShaftRay ray, float from, float to)
+{
+	for (int k = 0; k < 2; k++) {
+		float inverse = 1.0 / (abs(ray.step[k]) > 1e-12 ? ray.step[k] : 1e-12);
+		float a = -ray.place[k] * inverse, b = (1.0 - ray.place[k]) * inverse;
+		from = max(from, min(a, b));
+		to = min(to, max(a, b));
+	}
+	float crossing = -ray.place.z / (abs(ray.step.z) > 1e-12 ? ray.step.z : 1e-12);
+	if (ray.step.z > 0.0)
+		from = max(from, crossing);
+	else
+		to = min(to, crossing);
+	return vec2(from, to);
+}
+
+bool shaft_shadowed(ShaftRay ray, float t)
+{
+	vec3 at = ray.place + t * ray.step;
+	/* at 1 there is nothing that throws a shadow */
+	return textureLod(shadow_depth, vec3(at.xy, float(surfaces.shadow_cascades - 1)), 0.0).r < min(at.z, 1.0);
+}
+
+/* ---- the table's axes ---- */
+
+vec3 light_axis(int row)
+{
+	return normalize(surfaces.shadow_row[shaft_row() + row].xyz);
+}
+
+/* Angle from the sun, and of the plane. */
+vec2 shaft_angles(vec3 d)
+{
+	vec2 across = vec2(dot(d, light_axis(0)), dot(d, light_axis(1)));
+	float phi = length(across) > 1e-7 ? atan(across.y, across.x) - surfaces.shaft_phi : 0.0;
+	phi -= 2.0 * PI * round(phi / (2.0 * PI));
+	return vec2(atan(length(across), dot(d, frame.sun_direction.xyz)), phi);
+}
+
+vec3 shaft_direction(vec2 angles)
+{
+	float phi = angles.y + surfaces.shaft_phi;
+	return normalize(frame.sun_direction.xyz * cos(angles.x) + (light_axis(0) * cos(phi) + light_axis(1) * sin(phi)) * sin(angles.x));
+}
+
+/* Distances are dense near the camera. */
+float shaft_distance(float k)
+{
+	float x = k / float(SHAFT_DISTANCES);
+	return mix(surfaces.shaft_reach.x, surfaces.shaft_reach.y, surfaces.shaft_reach.x > 0.0 ? x : x * x);
+}
+
+float shaft_slice(float t)
+{
+	float x = clamp((t - surfaces.shaft_reach.x) / (surfaces.shaft_reach.y - surfaces.shaft_reach.x), 0.0, 1.0);
+	return (surfaces.shaft_reach.x > 0.0 ? x : sqrt(x)) * float(SHAFT_DISTANCES);
+}
+
+/* The stretch of a plane's line that lies on the map: m across the sun's direction, from the camera. */
+vec2 shaft_line(float phi)
+{
+	int row = shaft_row();
+	vec2 per_m = vec2(length(surfaces.shadow_row[row].xyz) * cos(phi), length(surfaces.shadow_row[row + 1].xyz) * sin(phi));
+	vec2 start = vec2(surfaces.shadow_row[row].w, surfaces.shadow_row[row + 1].w), line = vec2(0.0, 1e9);
+	for (int k = 0; k < 2; k++) {
+		float inverse = 1.0 / (abs(per_m[k]) > 1e-12 ? per_m[k] : 1e-12);
+		float a = -start[k] * inverse, b = (1.0 - start[k]) * inverse;
+		line = vec2(max(line.x, min(a, b)), min(line.y, max(a, b)));
+	}
+	return line;
+}
+
+/* First column of a level in the tree's rows. */
+int shaft_level(int level)
+{
+	return 2 * SHAFT_DEPTHS - (2 * SHAFT_DEPTHS >> level);
+}

@@ -1,0 +1,56 @@
+/*
+ * Lights the surfaces that a strip shows and puts the air before them, for one spectral batch; the sky's kernel has left
+ * the share of the pixels that they cover empty.
+ */
+/* Chosen when the program is built: the air by a ray march, as the methods of single scattering have it. */
+#ifndef AERIAL_MARCH
+#define AERIAL_MARCH 0
+#endif
+#include "surface_shading.glsl"
+#include "shadow.glsl"
+#if AERIAL_MARCH
+#include "aerial_march.glsl"
+#else
+#include "aerial.glsl"
+#endif
+#include "sky_output.glsl"
+
+/* Light of a surface seen along d, and of the air before it, weighed by the share of the pixel. */
+void light_pixel(int i, vec3 d, Surface s)
+{
+	vec3 v = d * s.t, up = frame.vertical.xyz;
+	float R = media.planet_radius, h = altitude_at(frame.camera_altitude, clamp(dot(d, up), -1.0, 1.0), s.t);
+	up = normalize(up * (R + frame.camera_altitude) + v);
+	float mu_s = clamp(dot(up, frame.sun_direction.xyz), -1.0, 1.0);
+
+	Lighting light;
+	light.n = s.normal;
+	light.v = -d;
+	light.l = frame.sun_direction.xyz;
+	light.sun = bands.sun_irradiance * scaled_sunlight(h, mu_s);
+	light.sky = bands.sun_irradiance * sky_irradiance(h, up, s.normal, light.level_sky);
+	light.level_sky *= bands.sun_irradiance;
+	light.level_sun = max(mu_s, 0.0);
+	light.rise = dot(s.normal, up);
+	light.open = s.open;
+	light.lit = dot(s.face, light.l) > 0.0 ? 1.0 : 0.0;
+	if (feature(FEATURE_SHADOWS))
+		light.lit *= shadow_of_surface(v, s.face);
+	Material m = materials[s.material];
+	vec4 L = surfaces.shading == SHADING_PHONG ? shade_phong(m, s.albedo, light) : shade_physical(m, s.albedo, light);
+	vec4 air, T;
+	aerial_perspective(d, s.t, air, T);
+	add_surface(i, s.t, s.coverage, air, T * L);
+}
+
+void main()
+{
+	int i = int(gl_GlobalInvocationID.x);
+	if (i >= tile.z * tile.w)
+		return;
+	Surface s = surface_unpack(surface[i]);
+	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i];
+	/* a loop, which llvmpipe leaves out where nothing is to be lit, and not a branch, whose cost it pays for all */
+	for (int left = s.coverage > 0.0 && at.w >= 0.0 ? 1 : 0; left > 0; left--)
+		light_pixel(i, at.xyz, s);
+}

@@ -1,0 +1,34 @@
+/*
+ * How much of the sky above it a vertex sees: the share of the light of an even sky, on the vertex' plane, that comes from where the
+ * mesh is not in the way. The same directions for all vertices, so that neighbours agree.
+ */
+#include "bvh.glsl"
+
+layout(local_size_x = WORKGROUP_LINE) in;
+layout(location = LOCATION_TILE) uniform ivec4 tile; /* first vertex, 0, how many, 1 */
+layout(std430, binding = BIND_VERTICES) readonly buffer Vertices { float vertex[]; };
+layout(std430, binding = BIND_AMBIENT) writeonly buffer Ambient { float open_sky[]; };
+
+const int DIRECTIONS = 24;
+
+void main()
+{
+	if (int(gl_GlobalInvocationID.x) >= tile.z)
+		return;
+	int i = tile.x + int(gl_GlobalInvocationID.x), at = VERTEX_FLOATS * i;
+	vec3 p = vec3(vertex[at], vertex[at + 1], vertex[at + 2]), n = vec3(vertex[at + 3], vertex[at + 4], vertex[at + 5]);
+	float size = length(surfaces.high.xyz - surfaces.low.xyz), sum = 0.0, all = 0.0;
+	n = dot(n, n) > 0.0 ? normalize(n) : vec3(0.0, 1.0, 0.0);
+	p += n * (1e-5 * size);
+	for (int k = 0; k < DIRECTIONS; k++) {
+		/* a spiral, even in solid angle, over the upper half */
+		float y = (float(k) + 0.5) / float(DIRECTIONS), phi = 2.399963 * float(k), r = sqrt(1.0 - y * y);
+		vec3 d = vec3(r * cos(phi), y, r * sin(phi));
+		float weight = max(dot(d, n), 0.0), t = 2.0 * size;
+		if (weight <= 0.0)
+			continue;
+		all += weight;
+		sum += bvh_trace(p, d, t, true) >= 0 ? 0.0 : weight;
+	}
+	open_sky[i] = all > 0.0 ? sum / all : 1.0;
+}

@@ -1,0 +1,232 @@
+/*
+ * The table of Madrid 2015 with columns of ours: its three approaches and the default of today, over sizes, from the
+ * ground and from space, under one scene. Device time by timestamp queries, warm, the median; error against the path
+ * tracer, measured on a small picture of the same view with pixels that both see alike.
+ *
+ *   first    march, nested, 30 × 30 steps; the scene by Phong without shadow
+ *   second   depth_table, 30 steps; the same
+ *   final    depth_table, 30 steps; the scene by Phong with a bilinear shadow map; shadow looked up at each of 30 steps
+ *   default  sky_view; the scene by sun and sky, gaussian shadow map, epipolar shafts
+ *
+ * And the two ways of shadows in the air, each with the other's picture: 64 steps on every ray against epipolar
+ * sampling, and how far that is from 512 steps.
+ *
+ *   bench_madrid [--smoke]
+ *
+ * Exit status 1 when a frame failed or the default is less accurate than the final approach.
+ */
+#include "gpu/method.h"
+#include "tests/lib_request.h"
+#include "tests/lib_terrain.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { REPEATS = 5, APPROACHES = 4, VIEWS = 2, SIZES = 3 };
+static const char key[] = "0123456789abcdef0123456789abcdef";
+
+static const struct approach {
+	const char *name, *method;
+	int shading, shadow, shafts, shaft_steps;
+} approaches[APPROACHES] = {
+	{ "first", "march", WELKIN_PHONG, WELKIN_SHADOW_OFF, WELKIN_SHAFTS_NONE, 30 },
+	{ "second", "depth_table", WELKIN_PHONG, WELKIN_SHADOW_OFF, WELKIN_SHAFTS_NONE, 30 },
+	{ "final", "depth_table", WELKIN_PHONG, WELKIN_SHADOW_BILINEAR, WELKIN_SHAFTS_MARCH, 30 },
+	{ "default", "sky_view", WELKIN_PHYSICAL, WELKIN_SHADOW_GAUSSIAN, WELKIN_SHAFTS_AUTO, 64 },
+};
+
+static const int sizes[SIZES][2] = { { 800, 600 }, { 1280, 720 }, { 1920, 1080 } };
+
+static int method_named(const char *name)
+{
+	for (int i = 0; i < welkin_method_count; i++)
+		if (strcmp(welkin_methods[i]->name, name) == 0)
+			return i;
+	return 0;
+}
+
+/* From the foot of the mountain, the sun low over it; and from 400 km above. */
+static struct welkin_request view(int space, int width, int height)
+{
+	struct welkin_request r = request_of(WELKIN_EARTH, 10, 15);
+	const double x = space ? 0 : -14000, y = space ? 400e3 : 2500, R = r.atmosphere.planet_radius_m;
+	r.camera.position_m[0] = x;
+	r.camera.position_m[1] = y;
+	r.camera.altitude_m = hypot(x, y + R) - R;
+	r.camera.heading_deg = 90;
+	r.camera.pitch_deg = space ? -70 : 0;
+	r.sun.azimuth_deg = 180;
+	r.sun.disk = 0;
+	r.scene.shadow_size = 2048;
+	r.exposure_mode = WELKIN_EXPOSURE_EV;
+	r.exposure_ev = 14;
+	r.image.format = WELKIN_EXR;
+	r.image.exr_type = WELKIN_FLOAT;
+	r.image.width = width;
+	r.image.height = height;
+	return r;
+}
+
+static void use(struct welkin_request *r, const struct approach *a)
+{
+	r->atmosphere.method = method_named(a->method);
+	r->atmosphere.steps = r->atmosphere.light_steps = 30;
+	r->scene.shading = a->shading;
+	r->scene.shadow = a->shadow;
+	r->scene.shafts = a->shafts;
+	r->scene.shaft_steps = a->shaft_steps;
+}
+
+/* Passes that run for every frame: tables, the shadow map and what a mesh gets once are kept. */
+static double frame_ms(const struct welkin_result *result, const char *only)
+{
+	double ms = 0;
+	for (int i = 0; i < result->n_passes; i++) {
+		const char *name = result->passes[i].name;
+		const int shafts = strcmp(name, "shafts") == 0 || strncmp(name, "table-shaft", 11) == 0;
+		if (only ? shafts
+			 : strncmp(name, "table-", 6) != 0 && strcmp(name, "shadow-map") != 0 &&
+					strcmp(name, "open-sky") != 0)
+			ms += result->passes[i].ms;
+	}
+	return ms;
+}
+
+static int ascending(const void *a, const void *b)
+{
+	const double x = *(const double *)a, y = *(const double *)b;
+	return (x > y) - (x < y);
+}
+
+/* Median over repeats after a first one, which builds tables; 0: failed. */
+static double time_of(struct lib_renderer *renderer, const struct welkin_request *r, int repeats)
+{
+	double ms[REPEATS];
+	for (int i = -1; i < repeats; i++) {
+		void *pixels = NULL;
+		struct welkin_result result;
+		const bool ok = lib_terrain_render(renderer, r, key, &pixels, &result);
+		free(pixels);
+		if (!ok)
+			return 0;
+		if (i >= 0)
+			ms[i] = frame_ms(&result, NULL);
+	}
+	qsort(ms, (size_t)repeats, sizeof *ms, ascending);
+	return ms[repeats / 2];
+}
+
+static double luminance(const float rgba[4])
+{
+	return 0.2126390 * (double)rgba[0] + 0.7151687 * (double)rgba[1] + 0.0721923 * (double)rgba[2];
+}
+
+static double rms(const float (*a)[4], const float (*b)[4], size_t n, double noise)
+{
+	double error = 0, sum = 0;
+	for (size_t i = 0; i < n; i++) {
+		const double y = luminance(b[i]);
+		error += pow(luminance(a[i]) - y, 2) - pow(noise * y, 2);
+		sum += y * y;
+	}
+	return sqrt(fmax(error, 0) / sum);
+}
+
+/* Error of each approach for a view; NAN: failed. */
+static void errors_of(struct lib_renderer *renderer, int space, int smoke, double errors[APPROACHES])
+{
+	struct welkin_request r = view(space, smoke ? 16 : 64, smoke ? 9 : 36), quick = r;
+	void *truth = NULL, *pixels = NULL;
+	struct welkin_result result;
+	r.atmosphere.method = method_named("reference");
+	r.max_error = smoke ? 0.3 : 0.04;
+	const bool ok = lib_terrain_render(renderer, &r, key, &truth, &result);
+	const double noise = result.expected_error;
+	for (int a = 0; a < APPROACHES; a++) {
+		use(&quick, &approaches[a]);
+		errors[a] = NAN;
+		if (ok && lib_terrain_render(renderer, &quick, key, &pixels, &result))
+			errors[a] = rms((const float(*)[4])pixels, (const float(*)[4])truth,
+				(size_t)r.image.width * (size_t)r.image.height, noise);
+		free(pixels);
+		pixels = NULL;
+	}
+	free(truth);
+}
+
+static bool compare_shafts(struct lib_renderer *renderer, int width, int height)
+{
+	static const struct {
+		int shafts, steps;
+	} ways[] = { { WELKIN_SHAFTS_MARCH, 512 }, { WELKIN_SHAFTS_MARCH, 64 }, { WELKIN_SHAFTS_EPIPOLAR, 64 } };
+	struct welkin_request r = view(0, width, height);
+	use(&r, &approaches[3]);
+	r.sun.elevation_deg = 8;
+	r.sun.azimuth_deg = 85; /* beside the peak */
+	void *pixels[3] = { NULL, NULL, NULL };
+	double ms[3];
+	bool ok = true;
+	for (int i = 0; i < 3 && ok; i++) {
+		struct welkin_result result;
+		r.scene.shafts = ways[i].shafts;
+		r.scene.shaft_steps = ways[i].steps;
+		r.seed = (uint32_t)i;
+		ok = lib_terrain_render(renderer, &r, key, &pixels[i], &result);
+		ms[i] = frame_ms(&result, "shafts");
+	}
+	const size_t n = (size_t)width * (size_t)height;
+	if (ok)
+		printf("\nshafts at %d x %d, tables of the frame included: 64 steps %.1f ms, epipolar %.1f ms (%.1f "
+		       "times "
+		       "less); "
+		       "off 512 steps by %.3f %% and %.3f %% RMS\n",
+			width, height, ms[1], ms[2], ms[1] / ms[2],
+			100 * rms((const float(*)[4])pixels[1], (const float(*)[4])pixels[0], n, 0),
+			100 * rms((const float(*)[4])pixels[2], (const float(*)[4])pixels[0], n, 0));
+	for (int i = 0; i < 3; i++)
+		free(pixels[i]);
+	return ok;
+}
+
+int main(int argc, char **argv)
+{
+	const int smoke = argc > 1 && strcmp(argv[1], "--smoke") == 0;
+	const struct welkin_renderer_config config = { .device = "auto", .slice_ms = 8, .table_budget_mib = 512 };
+	struct lib_renderer renderer;
+	struct mesh_header *mesh = lib_terrain_fuji(true, key);
+	const char *scene = mesh ? "Fuji, 97,650 triangles" : "a made mountain, 97,682 triangles";
+	if (!mesh)
+		mesh = lib_terrain_mountain(222, 32000, key);
+	if (!mesh || !lib_render_start(&renderer, &config) || !lib_terrain_send(&renderer, mesh))
+		return 1;
+	printf("device: %s\nscene: %s\n%-10s %-8s %12s %12s %12s %14s\n", renderer.device.name, scene, "approach",
+		"from", "800x600 ms", "1280x720 ms", "1920x1080 ms", "error");
+	bool failed = false, worse = false;
+	for (int space = 0; space < VIEWS; space++) {
+		double errors[APPROACHES];
+		errors_of(&renderer, space, smoke, errors);
+		for (int a = 0; a < APPROACHES; a++) {
+			printf("%-10s %-8s", approaches[a].name, space ? "space" : "ground");
+			for (int s = 0; s < SIZES; s++) {
+				struct welkin_request r =
+					view(space, smoke ? 64 : sizes[s][0], smoke ? 36 : sizes[s][1]);
+				use(&r, &approaches[a]);
+				const double ms = time_of(&renderer, &r, smoke ? 1 : REPEATS);
+				failed = failed || !(ms > 0);
+				printf(" %12.1f", ms);
+				fflush(stdout);
+			}
+			printf(" %12.1f %%\n", 100 * errors[a]);
+			failed = failed || isnan(errors[a]);
+		}
+		worse = worse || (!smoke && errors[3] > errors[2]);
+	}
+	failed = !compare_shafts(&renderer, smoke ? 64 : 1280, smoke ? 36 : 720) || failed;
+	if (worse)
+		printf("goal missed: the default is less accurate than the final approach\n");
+	free(mesh);
+	lib_render_stop(&renderer);
+	return failed || worse;
+}
