@@ -145,10 +145,15 @@ void passes_run(struct passes *passes, const struct pass *pass)
 	if (i == 0)
 		glQueryCounter(passes->queries[0], GL_TIMESTAMP);
 	const double start = clock_ms();
-	glDispatchCompute(groups(pass, 0), groups(pass, 1), groups(pass, 2));
+	if (pass->indirect) {
+		glBindBuffer(GL_DISPATCH_INDIRECT_BUFFER, pass->indirect);
+		glDispatchComputeIndirect(pass->indirect_at);
+	} else {
+		glDispatchCompute(groups(pass, 0), groups(pass, 1), groups(pass, 2));
+	}
 	/* Whatever the pass wrote, the next may read as buffer, image or texture, and we through a mapping. */
 	glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_TEXTURE_FETCH_BARRIER_BIT |
-			GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT);
+			GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_COMMAND_BARRIER_BIT | GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT);
 	if (!timed)
 		return;
 	passes->clock_ms[i] = clock_ms() - start;

@@ -41,6 +41,7 @@ struct workspace {
 	struct buffer rays, radiance, inscatter, transmittance; /* device only */
 	struct buffer output, counters;                         /* mapped */
 	struct buffer cloud_light, cloud_place;                 /* device only */
+	struct buffer cloud_lattice, cloud_list;                /* device only */
 	struct buffer meter;                                    /* mapped */
 	struct buffer samples, sample_layers;                   /* mapped; progressive methods */
 	struct buffer directions, spectral_L, spectral_T;       /* photometer; the last two mapped */

@@ -116,10 +116,15 @@ vec2 cloud_envelope(float height, vec4 weather)
 }
 
 /* Can there be a cloud at q at all? By the weather alone. */
+bool cloud_may_be(vec3 q, vec4 weather)
+{
+	vec2 e = cloud_envelope(cloud_height(q.y), weather);
+	return e.y > 1.0 - e.x && e.x > 0.0;
+}
+
 bool cloud_maybe(vec3 q)
 {
-	vec2 e = cloud_envelope(cloud_height(q.y), cloud_weather(q.xz));
-	return e.y > 1.0 - e.x && e.x > 0.0;
+	return cloud_may_be(q, cloud_weather(q.xz));
 }
 
 /* Density before erosion, and what erosion needs of it. */
