@@ -153,7 +153,8 @@ void passes_run(struct passes *passes, const struct pass *pass)
 	}
 	/* Whatever the pass wrote, the next may read as buffer, image or texture, and we through a mapping. */
 	glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_TEXTURE_FETCH_BARRIER_BIT |
-			GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_COMMAND_BARRIER_BIT | GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT);
+			GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_COMMAND_BARRIER_BIT |
+			GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT);
 	if (!timed)
 		return;
 	passes->clock_ms[i] = clock_ms() - start;

@@ -12,6 +12,7 @@
 #define SAVINGS clouds.savings
 #endif
 
+layout(binding = UNIT_BLUE_NOISE) uniform sampler2D blue_noise_texture;
 layout(binding = UNIT_CLOUD_HIGH) uniform sampler2D cloud_high_texture;
 
 struct Clouds {
@@ -35,9 +36,7 @@ bool saves(int bit)
 /* Where in its step a pixel's first sample lies. */
 float cloud_jitter(uvec2 pixel)
 {
-	if (!saves(SAVE_BLUE_NOISE))
-		return 0.5;
-	return fract(52.9829189 * fract(dot(vec2(pixel), vec2(0.06711056, 0.00583715))));
+	return saves(SAVE_BLUE_NOISE) ? texelFetch(blue_noise_texture, ivec2(pixel % uint(BLUE_NOISE_SIDE)), 0).r : 0.5;
 }
 
 /* Optical depth from q towards the sun, by light_steps samples on a geometric progression: the last step is so many times as long
@@ -146,7 +145,7 @@ const float SMALLEST = 300.0; /* m: clouds shorter than this may be missed betwe
 const float CARVED = 100.0;   /* m: likewise gaps and tufts where the weather has clouds */
 const float FINEST = 20.0;    /* m */
 const float SEEN = 1.5;       /* steps per width of a pixel at their distance */
-const float HIDDEN = 0.5;     /* optical depth of a step at the edge of a cloud; it grows with the depth behind the edge */
+const float HIDDEN = 0.8;     /* optical depth of a step at the edge of a cloud; it grows with the depth behind the edge */
 
 struct Sample {
 	float t, length; /* the step's middle */

@@ -46,6 +46,7 @@ typedef unsigned int uint;
 #define UNIT_SKY_VIEW 2
 #define UNIT_PRECOMPUTED 3
 #define UNIT_AERIAL 4
+#define UNIT_BLUE_NOISE 7
 #define UNIT_CLOUD_WEATHER 8
 #define UNIT_CLOUD_BASE 9
 #define UNIT_CLOUD_DETAIL 10
@@ -63,6 +64,8 @@ typedef unsigned int uint;
 #define CLOUD_GRID_LEVELS 3
 #define CLOUD_GRID_GROWTH 4.0
 #define CLOUD_DIFFUSE_RUNS 14 /* of the diffusion equation: columns alone, relaxations (their number prime to 5), light emitted */
+
+#define BLUE_NOISE_SIDE 64
 
 #define CLOUD_BASE_RUNS 16 /* slabs that the base shape is made in */
 
