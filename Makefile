@@ -114,7 +114,7 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_LIB) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
 	@mkdir -p $(@D)
 	@echo "  LINK $@"; $(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
 
-PROGRAMS  := bench_madrid cloud_light soak bench_probe bench_encode bench_frames accuracy chart failures
+PROGRAMS  := bench_madrid bench_clouds cloud_light soak bench_probe bench_encode bench_frames accuracy chart failures
 .PHONY: tests programs
 tests: $(TEST_BIN) $(B)/welkin
 programs: $(PROGRAMS:%=$(B)/tests/%) $(B)/welkin
@@ -174,12 +174,15 @@ check: deps-check
 	@tests/check.sh
 
 # ---- tools that measure ----
-.PHONY: bench soak smoke fit fit-spectrum accuracy
+.PHONY: bench bench-clouds soak smoke fit fit-spectrum blue-noise accuracy
 bench: programs
 	@status=0; for p in bench_encode bench_frames bench_probe; do $(B)/tests/$$p || status=1; done; exit $$status
 .PHONY: bench-madrid
 bench-madrid: $(B)/tests/bench_madrid
 	$(B)/tests/bench_madrid
+# What each saving of the march through clouds saves, and costs in accuracy.
+bench-clouds: $(B)/tests/bench_clouds
+	$(B)/tests/bench_clouds
 soak: programs
 	$(B)/tests/soak
 smoke: programs
@@ -188,10 +191,13 @@ smoke: programs
 	$(B)/tests/bench_frames --smoke
 	$(B)/tests/cloud_light --smoke
 	$(B)/tests/bench_madrid --smoke
+	$(B)/tests/bench_clouds --smoke
 fit: $(B)/tests/fit_sky
 	$(B)/tests/fit_sky gpu/fitted_data.inc
 fit-spectrum: $(B)/tests/fit_spectrum
 	$(B)/tests/fit_spectrum gpu/spectrum_fit.h
+blue-noise: $(B)/tests/blue_noise
+	$(B)/tests/blue_noise shaders/blue_noise.glsl
 accuracy: $(B)/tests/accuracy
 	@mkdir -p $(B)/accuracy
 	$(B)/tests/accuracy $(B)/accuracy

@@ -6,6 +6,39 @@
 #include <stdio.h>
 #include <string.h>
 
+/* Pixels of an image, not bare directions. */
+static bool by_lattice(const struct frame *f)
+{
+	return f->job.kind == WELKIN_JOB_IMAGE && f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION;
+}
+
+static bool choose_lattice(struct workspace *ws, struct frame *f, const char *choices, struct error *err)
+{
+	const struct {
+		const struct program **to;
+		const char *file;
+		int rays;
+	} programs[] = { { &f->cloud_lattice.corners, "clouds.comp", CLOUD_RAYS_CORNERS },
+		{ &f->cloud_lattice.fill_lattice, "cloud_fill.comp", CLOUD_RAYS_LATTICE },
+		{ &f->cloud_lattice.lattice, "clouds.comp", CLOUD_RAYS_LATTICE },
+		{ &f->cloud_lattice.fill_pixels, "cloud_fill.comp", CLOUD_RAYS_PIXELS },
+		{ &f->cloud_lattice.pixels, "clouds.comp", CLOUD_RAYS_PIXELS } };
+	for (size_t i = 0; i < sizeof programs / sizeof programs[0]; i++) {
+		char all[96];
+		snprintf(all, sizeof all, "PROJECTION=%d RAYS=%d %s", f->job.request.image.projection, programs[i].rays,
+			strcmp(programs[i].file, "clouds.comp") == 0 ? choices : "");
+		if (!(*programs[i].to = programs_get(ws->programs, programs[i].file, all, err)))
+			return false;
+	}
+	return true;
+}
+
+/* Points of a tile's lattice along an axis; cloud_lattice.glsl. */
+static int lattice_across(int from, int pixels)
+{
+	return ((from + pixels - 1) / 4 - from / 4 + 1) * 2 + 1;
+}
+
 bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error *err)
 {
 	if (!(f->plan.features & FEATURE_CLOUDS) || f->method->progressive)
@@ -14,14 +47,56 @@ bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error 
 	char choices[48];
 	snprintf(choices, sizeof choices, "LIGHTING=%d SAVINGS=%u", clouds->lighting, clouds->savings);
 	return (f->clouds = programs_get(ws->programs, "clouds.comp", choices, err)) &&
-	       (f->compose = programs_get(ws->programs, "cloud_compose.comp", "", err));
+	       (f->compose = programs_get(ws->programs, "cloud_compose.comp", "", err)) &&
+	       (!by_lattice(f) || choose_lattice(ws, f, choices, err));
+}
+
+/* Points of a tile's lattice, at most; cloud_lattice.glsl. */
+static size_t lattice_points(int pixels)
+{
+	/* a tile is a rectangle of at least 4 rows and columns but at the image's edges: w/2 + 3 by h/2 + 3 at most */
+	return (size_t)pixels * 4 + 16;
 }
 
 bool clouds_reserve(struct workspace *ws, const struct frame *f, int pixels, struct error *err)
 {
-	const size_t size = (size_t)pixels * 4 * sizeof(float);
-	return !f->clouds || (workspace_reserve(&ws->cloud_light, size, false, err) &&
-				     workspace_reserve(&ws->cloud_place, size, false, err));
+	const size_t size = (size_t)pixels * 4 * sizeof(float), points = lattice_points(pixels);
+	if (!f->clouds)
+		return true;
+	return workspace_reserve(&ws->cloud_light, size, false, err) &&
+	       workspace_reserve(&ws->cloud_place, size, false, err) &&
+	       (!f->cloud_lattice.corners ||
+		       (workspace_reserve(&ws->cloud_lattice, points * 8 * sizeof(float), false, err) &&
+			       workspace_reserve(
+				       &ws->cloud_list, (points + CLOUD_LIST_FIRST) * sizeof(uint), false, err)));
+}
+
+/* Every fourth pixel, then what lies between, marched where its neighbours do not agree. */
+static void march_lattice(struct workspace *ws, const struct frame *f, const struct pass *march)
+{
+	const int *tile = march->tile, across = lattice_across(tile[0], tile[2]),
+		  down = lattice_across(tile[1], tile[3]);
+	struct pass corners = *march;
+	corners.program = f->cloud_lattice.corners;
+	corners.storage[BIND_CLOUD_LATTICE] = ws->cloud_lattice.id;
+	corners.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
+	corners.threads[0] = (across / 2 + 1) * (down / 2 + 1);
+	passes_run(ws->passes, &corners);
+	const struct {
+		const struct program *fill, *march;
+		int points;
+	} rounds[] = { { f->cloud_lattice.fill_lattice, f->cloud_lattice.lattice, across * down },
+		{ f->cloud_lattice.fill_pixels, f->cloud_lattice.pixels, tile[2] * tile[3] } };
+	for (int i = 0; i < 2; i++) {
+		struct pass fill = corners, listed = corners;
+		fill.program = rounds[i].fill;
+		fill.threads[0] = rounds[i].points;
+		passes_run(ws->passes, &fill);
+		listed.program = rounds[i].march;
+		listed.indirect = ws->cloud_list.id;
+		listed.indirect_at = i * CLOUD_LIST_HEAD * (int)sizeof(uint);
+		passes_run(ws->passes, &listed);
+	}
 }
 
 void clouds_run(struct workspace *ws, const struct frame *f, const int tile[4], unsigned radiance,
@@ -32,7 +107,10 @@ void clouds_run(struct workspace *ws, const struct frame *f, const int tile[4], 
 	march.storage[BIND_DIRECTIONS] = directions;
 	march.storage[BIND_CLOUD_LIGHT] = ws->cloud_light.id;
 	march.storage[BIND_CLOUD_PLACE] = ws->cloud_place.id;
-	passes_run(ws->passes, &march);
+	if (f->cloud_lattice.corners && f->stage == FRAME_STRIPS)
+		march_lattice(ws, f, &march);
+	else
+		passes_run(ws->passes, &march);
 
 	struct pass compose = march;
 	compose.name = "cloud-light";

@@ -218,10 +218,24 @@ static enum table_state need_high(struct frame_tables *tables, const struct Clou
 	return tables_need(tables, &high, &c->cloud_seed, sizeof c->cloud_seed, 0, err);
 }
 
+static enum table_state need_blue_noise(struct frame_tables *tables, const struct CloudsBlock *c, struct error *err)
+{
+	static const struct table_desc noise = {
+		.name = "blue_noise",
+		.width = BLUE_NOISE_SIDE,
+		.height = BLUE_NOISE_SIDE,
+		.internal_format = GL_R32F,
+		.unit = UNIT_BLUE_NOISE,
+		.repeats = 1,
+	};
+	static const int always = 0;
+	return c->savings & SAVE_BLUE_NOISE ? tables_need(tables, &noise, &always, sizeof always, 0, err) : TABLE_READY;
+}
+
 static enum table_state need_shapes(struct frame_tables *tables, const struct CloudsBlock *clouds, struct error *err)
 {
 	enum table_state (*const needs[])(struct frame_tables *, const struct CloudsBlock *,
-		struct error *) = { need_base, need_detail, need_weather, need_curl, need_high };
+		struct error *) = { need_base, need_detail, need_weather, need_curl, need_high, need_blue_noise };
 	enum table_state state = TABLE_READY;
 	for (size_t i = 0; i < sizeof needs / sizeof needs[0] && state == TABLE_READY; i++)
 		state = needs[i](tables, clouds, err);

@@ -29,6 +29,9 @@ struct frame {
 	const struct program *rays, *sky, *disk, *output; /* disk, output: chosen when the strips begin */
 	const struct program *clouds, *compose;           /* NULL without clouds */
 	struct scenery scenery;
+	struct {
+		const struct program *corners, *fill_lattice, *lattice, *fill_pixels, *pixels;
+	} cloud_lattice; /* NULL where every pixel is marched */
 	enum frame_stage stage;
 	struct strips strips;   /* METER, STRIPS */
 	int batch, direction;   /* DIRECTIONS: what comes next */

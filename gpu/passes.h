@@ -37,6 +37,8 @@ struct pass {
 	int box[4];                     /* LOCATION_BOX */
 	unsigned image, image_format;   /* image unit 0, write only; 0: none */
 	int threads[3];                 /* at least so many invocations; 0 counts as 1 */
+	unsigned indirect;              /* buffer that says how many workgroups instead; 0: none */
+	int indirect_at;                /* where in it, in bytes */
 };
 
 /* NULL with the reason. synchronous: dispatches return when done (llvmpipe), so that the clock can

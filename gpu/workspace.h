@@ -49,6 +49,7 @@ struct workspace {
 	struct buffer rays, radiance, inscatter, transmittance; /* device only */
 	struct buffer output, counters;                         /* mapped */
 	struct buffer cloud_light, cloud_place;                 /* device only */
+	struct buffer cloud_lattice, cloud_list;                /* device only */
 	struct buffer surface;                                  /* device only: records of the strip's pixels */
 	struct raster raster;
 	struct buffer meter;                              /* mapped */

@@ -76,7 +76,7 @@ void main()
 	aerial_perspective(at.xyz, where.x + where.y, far_L, far_T);
 	vec4 L = 0.5 * (near_T + far_T) * bands.sun_irradiance * cloud_radiance(at.xyz, answer, where.z) +
 		 (1.0 - answer.x) * 0.5 * (near_L + far_L) +
-		 shaded(at.xyz, answer.x, fract(float(i) * 0.61803399));
+		 shaded(at.xyz, answer.x, 0.5);
 	if (spectral) {
 		radiance[i] = radiance[i] * answer.x + L;
 		transmittance[i] *= answer.x;

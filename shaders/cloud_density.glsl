@@ -127,12 +127,17 @@ float cloud_slab(vec3 q)
 }
 
 /* Can there be a cloud at q at all? By the weather alone. */
-bool cloud_maybe(vec3 q)
+bool cloud_may_be(vec3 q, vec4 weather)
 {
 	if (cloud_uniform())
 		return cloud_slab(q) > 0.0;
-	vec2 e = cloud_envelope(cloud_height(q.y), cloud_weather(q.xz));
+	vec2 e = cloud_envelope(cloud_height(q.y), weather);
 	return e.y > 1.0 - e.x && e.x > 0.0;
+}
+
+bool cloud_maybe(vec3 q)
+{
+	return cloud_may_be(q, cloud_weather(q.xz));
 }
 
 /* Density before erosion, and what erosion needs of it. */

@@ -13,6 +13,8 @@
 #define SAVINGS clouds.savings
 #endif
 
+layout(binding = UNIT_BLUE_NOISE) uniform sampler2D blue_noise_texture;
+
 struct Clouds {
 	vec4 light; /* transmittance; answer to the sun, per irradiance of 1; to sky and to ground, per radiance of 1 */
 	vec4 place; /* distance in m: mean over opacity, its standard deviation, mean over sunlight; 0 */
@@ -34,9 +36,7 @@ bool saves(int bit)
 /* Where in its step a pixel's first sample lies. */
 float cloud_jitter(uvec2 pixel)
 {
-	if (!saves(SAVE_BLUE_NOISE))
-		return 0.5;
-	return fract(52.9829189 * fract(dot(vec2(pixel), vec2(0.06711056, 0.00583715))));
+	return saves(SAVE_BLUE_NOISE) ? texelFetch(blue_noise_texture, ivec2(pixel % uint(BLUE_NOISE_SIDE)), 0).r : 0.5;
 }
 
 /* Optical depth from q towards the sun, by light_steps samples on a geometric progression: the last step is so many times as long
@@ -100,7 +100,6 @@ void march_add(inout March m, float t, float depth, vec3 source)
 	m.S *= exp(-x);
 }
 
-const float COARSE = 1.5, HIDDEN = 0.5;
 const float OPAQUE = 0.01; /* less light than this comes through what is not worth following */
 
 /* A stretch of a ray, and what is worked out once for it. */
@@ -116,36 +115,14 @@ vec3 to_sun_at(Stretch s, float t)
 	return mix(s.sun_at_start, s.sun_at_end, (t - s.start) / (s.end - s.start));
 }
 
-/* Optical depth to the sun of the last sample that had its own, and samples since the march came to a cloud. */
-struct SunMemory {
-	float depth;
-	int age;
-};
-
-const int SHARED = 2; /* samples per optical depth to the sun, with SAVE_SHARED_LIGHT */
-
-/* Adds a sample at t with extinction sigma for a step. The loops that run once or not at all are branches that a software
- * rasteriser leaves as well: it runs both sides of the others. */
-void march_sample(inout March m, inout SunMemory memory, Stretch s, vec3 q, float t, float sigma, float step_)
-{
-	vec3 to_sun = to_sun_at(s, t);
-	if (saves(SAVE_SHARED_LIGHT))
-		for (int own = memory.age++ % SHARED == 0 ? 1 : 0; own > 0; own--)
-			memory.depth = sun_depth_at(q, to_sun);
-	else
-		memory.depth = sun_depth_at(q, to_sun);
-	march_add(m, t, sigma * step_, cloud_source(m, q, memory.depth, s.nu));
-}
-
 /* Every step sampled in full, as many as asked for. */
 void march_uniform(inout March m, Stretch s)
 {
-	int n = clouds.steps;
+	int n = clouds.steps, every = saves(SAVE_SHARED_LIGHT) ? 2 : 1;
 	if (saves(SAVE_STEPS_BY_ELEVATION))
 		n = max(int(mix(float(n), 0.5 * float(n), clamp(abs(s.ray.mu), 0.0, 1.0))), 1);
 	float step_ = (s.end - s.start) / float(n);
-	SunMemory memory = SunMemory(0.0, 0);
-	for (int i = 0; i < n; i++) {
+	for (int i = 0; i < n; i += every) {
 		float t = s.start + (float(i) + s.jitter) * step_;
 		vec3 q = cloud_point(s.ray, t);
 		while (saves(SAVE_EMPTY_SPACE) && i < n - 1 && !cloud_maybe(q)) {
@@ -153,62 +130,98 @@ void march_uniform(inout March m, Stretch s)
 			t += step_;
 			q = cloud_point(s.ray, t);
 		}
-		march_sample(m, memory, s, q, t, cloud_extinction(q, 1), step_);
+		float middle = t + 0.5 * float(every - 1) * step_, sun_depth = sun_depth_at(cloud_point(s.ray, middle), to_sun_at(s, middle));
+		march_add(m, t, cloud_extinction(q, 1) * step_, cloud_source(m, q, sun_depth, s.nu));
+		if (saves(SAVE_SHARED_LIGHT) && i + 1 < n) {
+			q = cloud_point(s.ray, t + step_);
+			march_add(m, t + step_, cloud_extinction(q, 1) * step_, cloud_source(m, q, sun_depth, s.nu));
+		}
 		if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE)
 			break;
 	}
 }
 
 const float SMALLEST = 300.0; /* m: clouds shorter than this may be missed between probes, unless a pixel is larger */
+const float CARVED = 100.0;   /* m: likewise gaps and tufts where the weather has clouds */
+const float FINEST = 20.0;    /* m */
+const float SEEN = 1.5;       /* steps per width of a pixel at their distance */
+const float HIDDEN = 0.8;     /* optical depth of a step at the edge of a cloud; it grows with the depth behind the edge */
+
+struct Sample {
+	float t, length; /* the step's middle */
+	vec3 q;
+	vec4 weather;
+	float shape;
+};
+
+Sample sample_at(Stretch s, float t, float length_)
+{
+	Sample p;
+	p.t = t + 0.5 * length_;
+	p.length = length_;
+	p.q = cloud_point(s.ray, p.t);
+	p.weather = cloud_weather(p.q.xz);
+	p.shape = cloud_shape(p.q, p.weather);
+	return p;
+}
+
+/* Length of a step that is worth taking at t, whatever is there. */
+float coarse_step(Stretch s, float t)
+{
+	return max(SEEN * s.pixel * t, max((s.end - s.start) / float(4 * clouds.steps), FINEST));
+}
+
+/* Of the next step, from what was found in one. */
+float next_step(March m, float sigma, float coarse)
+{
+	return sigma > 0.0 ? clamp(HIDDEN * (1.0 - 0.6 * log(max(m.T, 1e-8))) / sigma, 0.3 * coarse, 2.0 * coarse) : 1.5 * coarse;
+}
+
+/* Goes on to where there may be a cloud: in large strides, the larger where the weather has none, and back to where it begins. */
+Sample next_cloud(Stretch s, inout float t, float length_, inout int left)
+{
+	float gap = 0.0, found = -1.0, coarse = coarse_step(s, t);
+	for (;;) {
+		Sample p = sample_at(s, t, length_);
+		if ((p.shape > 0.0 && gap <= 2.0 * coarse) || p.t >= s.end || left <= 0)
+			return p;
+		left--;
+		length_ = coarse;
+		float stride = cloud_may_be(p.q, p.weather) ? max(CARVED, 2.0 * coarse) : max(SMALLEST, 3.0 * coarse);
+		if (p.shape > 0.0) {
+			found = t;
+			gap *= 0.25;
+			t -= 3.0 * gap;
+		} else {
+			gap = t < found ? gap : stride;
+			t += gap;
+		}
+	}
+}
 
 /* Steps by how much a pixel sees and how much a step hides. */
 void march_adaptive(inout March m, Stretch s)
 {
-	float finest = (s.end - s.start) / float(4 * clouds.steps), t = s.start;
+	float coarse = coarse_step(s, s.start), step_ = coarse, t = s.start + (s.jitter - 0.5) * coarse;
 	int left = 8 * clouds.steps, dense = 2 * clouds.steps;
-	SunMemory memory = SunMemory(0.0, 0);
-	while (t < s.end && left > 0 && dense > 0) {
-		/* where the weather has no clouds; then back to where they may begin */
-		float probe = 0.0;
-		while (saves(SAVE_EMPTY_SPACE) && t < s.end && left > 0 && !cloud_maybe(cloud_point(s.ray, t))) {
-			left--;
-			probe = max(SMALLEST, 2.0 * s.pixel * t);
-			t += probe;
-		}
-		if (t >= s.end && probe == 0.0)
-			break;
-		float coarse = max(COARSE * s.pixel * t, max(finest, 20.0)), step_ = coarse;
-		t = max(s.start, t - 0.75 * probe) + (s.jitter - 0.5) * coarse;
-		int clear = 0;
-		memory.age = 0;
-		while (t < s.end && dense > 0 && clear < 8) {
-			/* where noise has carved them away */
-			float middle = t + 0.5 * step_;
-			vec3 q = cloud_point(s.ray, middle);
-			vec4 weather = cloud_weather(q.xz);
-			float shape = cloud_shape(q, weather);
-			while (saves(SAVE_EMPTY_SPACE) && shape <= 0.0 && clear < 8 && middle < s.end && left > 0) {
-				step_ = 1.5 * coarse;
-				middle += step_;
-				q = cloud_point(s.ray, middle);
-				weather = cloud_weather(q.xz);
-				shape = cloud_shape(q, weather);
-				clear++;
-				left--;
-			}
-			t = middle - 0.5 * step_;
-			step_ = min(step_, s.end - t);
-			float sigma = cloud_extinction_of(q, weather, shape);
-			clear = sigma > 0.0 ? 0 : clear + 1;
-			march_sample(m, memory, s, q, middle, sigma, max(step_, 0.0));
-			t += max(step_, 1.0);
-			coarse = max(COARSE * s.pixel * t, max(finest, 20.0));
-			step_ = sigma > 0.0 ? clamp(HIDDEN * (1.0 - 0.6 * log(max(m.T, 1e-8))) / sigma, 0.3 * coarse, 2.0 * coarse) : 1.5 * coarse;
+	do {
+		Sample p = sample_at(s, t, step_);
+		if (saves(SAVE_EMPTY_SPACE))
+			p = next_cloud(s, t, step_, left);
+		float lit = p.t + (saves(SAVE_SHARED_LIGHT) ? 0.5 * p.length : 0.0);
+		float sun_depth = sun_depth_at(cloud_point(s.ray, lit), to_sun_at(s, lit));
+		for (int i = 0; i < (saves(SAVE_SHARED_LIGHT) ? 2 : 1); i++) {
+			float sigma = cloud_extinction_of(p.q, p.weather, p.shape), within = clamp(s.end - t, 0.0, p.length);
+			march_add(m, p.t, sigma * within, cloud_source(m, p.q, sun_depth, s.nu));
+			t += p.length;
+			step_ = next_step(m, sigma, coarse_step(s, t));
+			if (saves(SAVE_SHARED_LIGHT) && i == 0)
+				p = sample_at(s, t, step_);
 			dense--;
-			if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE)
-				dense = 0;
 		}
-	}
+		if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE)
+			dense = 0;
+	} while (t < s.end && left > 0 && dense > 0);
 }
 
 void march_interval(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, float jitter, float pixel)

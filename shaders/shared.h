@@ -37,6 +37,8 @@ typedef unsigned int uint;
 #define BIND_OUTPUT 4        /* packed pixels of the strip */
 #define BIND_COUNTERS 5      /* uint: pixels of the frame that were not finite */
 #define BIND_NODES 6         /* quadrature nodes: vec2 (position in [0,1], weight) */
+#define BIND_CLOUD_LATTICE 4 /* kernels of the march: two vec4 per point, as the next two; cloud_lattice.glsl */
+#define BIND_CLOUD_LIST 5    /* likewise: CLOUD_LIST_ of uint, points to march */
 #define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp */
 #define BIND_CLOUD_PLACE 8   /* vec4 per pixel: where they are */
 #define BIND_SURFACES 9      /* uvec4 per pixel: what of the scene it shows, shaders/surface_record.glsl */
@@ -52,6 +54,7 @@ typedef unsigned int uint;
 #define UNIT_SKY_VIEW 2
 #define UNIT_PRECOMPUTED 3
 #define UNIT_AERIAL 4
+#define UNIT_BLUE_NOISE 7
 #define UNIT_CLOUD_WEATHER 8
 #define UNIT_CLOUD_BASE 9
 #define UNIT_CLOUD_DETAIL 10
@@ -77,6 +80,7 @@ typedef unsigned int uint;
 #define MAJORANT_UP 20
 #define MAJORANT_LEVELS 4
 #define MAJORANT_RUNS 20
+#define BLUE_NOISE_SIDE 64
 
 #define CLOUD_BASE_RUNS 16 /* slabs that the base shape is made in */
 #define UNIT_ALBEDO 18        /* array of the materials' colours, sRGB */
@@ -157,6 +161,15 @@ typedef unsigned int uint;
 
 #define CLOUDS_PHYSICAL 0
 #define CLOUDS_ARTISTIC 1
+
+/* Which rays a kernel of the march is for; clouds.comp. */
+#define CLOUD_RAYS_GIVEN 0
+#define CLOUD_RAYS_CORNERS 1
+#define CLOUD_RAYS_LATTICE 2
+#define CLOUD_RAYS_PIXELS 3
+/* BIND_CLOUD_LIST: for the lattice, then for the pixels: workgroups along x, y, z, and how many points; then the points. */
+#define CLOUD_LIST_HEAD 4
+#define CLOUD_LIST_FIRST 8
 
 #define SHAPE_DILATED_SQUARED 0
 #define SHAPE_DILATED 1

@@ -37,13 +37,30 @@ static void add_times(const struct welkin_result *result, struct cloud_frame *fr
 	frame->wall_ms = result->render_ms;
 }
 
+/* Processor time that a process has used, user and system. */
+static double cpu_ms_of(pid_t pid)
+{
+	char path[64], line[1024] = "";
+	unsigned long user = 0, system = 0;
+	snprintf(path, sizeof path, "/proc/%d/stat", (int)pid);
+	FILE *file = fopen(path, "r");
+	if (!file)
+		return 0;
+	const char *after = fgets(line, sizeof line, file) ? strrchr(line, ')') : NULL;
+	fclose(file);
+	if (after)
+		sscanf(after, ") %*c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", &user, &system);
+	return 1e3 * (double)(user + system) / (double)sysconf(_SC_CLK_TCK);
+}
+
 bool cloud_frame_render(struct lib_renderer *renderer, const char *query, struct cloud_frame *frame)
 {
 	struct welkin_job job = { .kind = WELKIN_JOB_IMAGE };
-	struct welkin_message message;
+	struct welkin_message message = { .type = 0 };
 	memset(frame, 0, sizeof *frame);
 	if (!request_of_query(query, &job.request))
 		return false;
+	const double cpu_ms = cpu_ms_of(renderer->pid);
 	const int memfd = lib_render_send(renderer, &job, NULL, 0);
 	if (memfd >= 0 && lib_render_await(renderer, WELKIN_MSG_RESULT, TIMEOUT_MS, &message) &&
 		message.result.status == WELKIN_DONE)
@@ -51,12 +68,13 @@ bool cloud_frame_render(struct lib_renderer *renderer, const char *query, struct
 	if (memfd >= 0)
 		close(memfd);
 	if (!frame->rgba) {
-		fprintf(stderr, "no picture of %s\n", query);
+		fprintf(stderr, "no picture of %s: %s\n", query, message.result.message);
 		return false;
 	}
 	frame->width = job.request.image.width;
 	frame->height = job.request.image.height;
 	add_times(&message.result, frame);
+	frame->cpu_ms = cpu_ms_of(renderer->pid) - cpu_ms;
 	return true;
 }
 

@@ -10,6 +10,7 @@ struct cloud_frame {
 	double march_ms, colours_ms; /* device time of the passes clouds and cloud-light */
 	double wall_ms;              /* of the renderer, from the job to its last strip; tables built for it are in */
 	double tables_ms;            /* device time of tables built for it */
+	double cpu_ms; /* processor time of the renderer, all its threads: what other load disturbs least */
 };
 
 /* Renders what a query string asks for. Prints why on stderr where it can't. */
