@@ -53,6 +53,7 @@ typedef unsigned int uint;
 #define UNIT_CLOUD_OPENNESS 14
 #define UNIT_CLOUD_DIFFUSE 15
 #define UNIT_CLOUD_LIGHT 16
+#define UNIT_CLOUD_MAJORANT 17
 
 /* Light in clouds: grids around the camera's footprint, each CLOUD_GRID_GROWTH times as coarse and wide as the one before,
  * stacked in one 3-D texture: x east, y south, z up, level by level. */
@@ -61,6 +62,13 @@ typedef unsigned int uint;
 #define CLOUD_GRID_LEVELS 3
 #define CLOUD_GRID_GROWTH 4.0
 #define CLOUD_DIFFUSE_RUNS 14 /* of the diffusion equation: columns alone, relaxations (their number prime to 5), light emitted */
+
+/* Majorants for paths through clouds (cloud_majorant.glsl): boxes around the camera, each CLOUD_GRID_GROWTH times as
+ * wide as the one before, stacked likewise; their texture is made in so many runs. */
+#define MAJORANT_ACROSS 64
+#define MAJORANT_UP 20
+#define MAJORANT_LEVELS 4
+#define MAJORANT_RUNS 20
 
 #define CLOUD_BASE_RUNS 16 /* slabs that the base shape is made in */
 
@@ -122,6 +130,7 @@ typedef unsigned int uint;
 #define SHAPE_PRODUCT 4
 #define SHAPE_PERLIN 5
 #define SHAPE_WORLEY 6
+#define SHAPE_UNIFORM 7
 
 #define SAVE_STEPS_BY_ELEVATION 1
 #define SAVE_EARLY_EXIT 2
@@ -130,7 +139,7 @@ typedef unsigned int uint;
 #define SAVE_LIGHT_VOLUME 16
 #define SAVE_HALF_RESOLUTION 32
 #define SAVE_BLUE_NOISE 64
-#define SAVE_OFFSET 128
+#define SAVE_SHARED_LIGHT 128
 
 /* FrameBlock.projection, cube_face and tone_map: enums of api/request.h, whose order they follow. */
 #define PROJECTION_PERSPECTIVE 0
