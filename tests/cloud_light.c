@@ -156,7 +156,7 @@ static void measure_decks(int photons, const double *taus, int n_taus)
 					.phase = phases[p].phase };
 				const struct cloud_fluxes wanted = cloud_mc_fluxes(&slab, mu0s[m], photons, 17);
 				const struct cloud_fluxes got = cloud_light_fluxes(taus[t], &phases[p].phase, mu0s[m]);
-				printf("%-10s  %4g  %3.1f     %6.3f         %6.3f   %6.3f         %6.3f  %6.3f\n",
+				printf("%-10s  %4g %4.2f     %6.3f         %6.3f   %6.3f         %6.3f  %6.3f\n",
 					phases[p].name, taus[t], mu0s[m], got.reflected, wanted.reflected, got.diffuse,
 					wanted.diffuse, got.reflected + got.diffuse + got.direct);
 			}
