@@ -78,15 +78,16 @@ static void prepare(struct frame *f)
 	f->result.expected_error = f->method->progressive ? NAN : choose_expect(&job->request, 0).error;
 }
 
-/* Plain images, which are most, have a kernel without what they don't need; a second one does all else. Samples of a
- * progressive method cost too much for that to show. */
+/* The kernel that does all, and a quicker one for pixels without layers that the sun's disk can't touch. Samples of a
+ * progressive method cost too much for the difference to show. */
 static bool choose_sky(struct workspace *ws, struct frame *f, struct error *err)
 {
 	char file[64];
-	const bool plain = f->job.kind == WELKIN_JOB_IMAGE && !(f->plan.features & FEATURE_LAYERS);
 	snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
-	f->sky = programs_get(ws->programs, file, plain && !f->method->progressive ? "SPECTRAL=0 LAYERS=0" : "", err);
-	return f->sky != NULL;
+	f->sky = f->plain = programs_get(ws->programs, file, "", err);
+	if (f->sky && f->job.kind == WELKIN_JOB_IMAGE && !f->method->progressive)
+		f->plain = programs_get(ws->programs, file, "PLAIN=1", err);
+	return f->plain != NULL;
 }
 
 struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, int memfd, struct error *err)

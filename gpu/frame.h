@@ -25,7 +25,7 @@ struct tally {
 struct frame {
 	struct welkin_job job;
 	const struct method *method;
-	const struct program *rays, *sky, *disk, *output; /* disk, output: chosen when the strips begin */
+	const struct program *rays, *sky, *plain, *disk, *output; /* plain: see choose_sky() */
 	enum frame_stage stage;
 	struct strips strips;   /* METER, STRIPS */
 	int batch, direction;   /* DIRECTIONS: what comes next */
