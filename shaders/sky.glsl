@@ -51,13 +51,15 @@ vec4 method_color(Ray ray);
 #define RAY_SHARE 1
 #endif
 
-/* Replies the bands as they are, the uniform disk included where the direction is within it: by the
+/* Replies the bands as they are, the disk included where the direction is within it: by the
  * chord, since cosines of angles this small have lost their digits. */
 void write_spectral(int i, Ray ray, vec4 L, vec4 T)
 {
-	bool on_disk = WANTED(FEATURE_SUN_DISK) != 0 &&
-		distance(ray.d, frame.sun_direction.xyz) <= 2.0 * sin(0.5 * frame.sun_angular_radius);
-	radiance[i] = on_disk ? L + T * bands.sun_irradiance / frame.sun_solid_angle : L;
+	float rho = distance(ray.d, frame.sun_direction.xyz) / (2.0 * sin(0.5 * frame.sun_angular_radius));
+	vec4 wave = 1e3 / bands.wavelength, alpha = frame.limb_law.x + wave * (frame.limb_law.y + wave * frame.limb_law.z);
+	vec4 limb = pow(vec4(max(1.0 - rho * rho, 1e-12)), 0.5 * alpha) * (1.0 + 0.5 * alpha);
+	bool on_disk = WANTED(FEATURE_SUN_DISK) != 0 && rho <= 1.0;
+	radiance[i] = on_disk ? L + T * bands.sun_irradiance * limb / frame.sun_solid_angle : L;
 	transmittance[i] = T;
 }
 
