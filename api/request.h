@@ -125,8 +125,10 @@ struct welkin_sun {
 	double elevation_deg, azimuth_deg; /* geometric: no refraction */
 	double intensity;                  /* factor on the irradiance */
 	double angular_radius_deg;
-	int32_t spectrum; /* enum welkin_sun_spectrum: solar W/m²/nm, or flat 1 W/m²/nm */
-	int32_t disk;     /* 0 or 1 */
+	int32_t spectrum;       /* enum welkin_sun_spectrum: solar W/m²/nm, or flat 1 W/m²/nm */
+	int32_t disk;           /* 0 or 1 */
+	int32_t limb_darkening; /* 0 or 1 */
+	int32_t reserved;
 };
 
 struct welkin_atmosphere {

@@ -89,18 +89,17 @@ static void prepare(struct frame *f)
 	f->result.expected_error = f->method->progressive ? NAN : choose_expect(&job->request, 0).error;
 }
 
-/* Plain images, which are most, have a kernel without what they don't need; a second one does all else. Samples of a
- * progressive method cost too much for that to show; what matters there is whether they trace clouds. */
+/* The kernel that does all, and a quicker one for pixels without layers that the sun's disk can't touch. Samples of a
+ * progressive method cost too much for the difference to show; what matters there is whether they trace clouds. */
 static bool choose_sky(struct workspace *ws, struct frame *f, struct error *err)
 {
 	char file[64];
-	const bool plain = f->job.kind == WELKIN_JOB_IMAGE && !(f->plan.features & FEATURE_LAYERS);
-	const char *choices = plain ? "SPECTRAL=0 LAYERS=0" : "";
-	if (f->method->progressive)
-		choices = f->plan.features & FEATURE_CLOUDS ? "CLOUDS=1" : "";
 	snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
-	f->sky = programs_get(ws->programs, file, choices, err);
-	return f->sky != NULL;
+	const bool traced = f->method->progressive && f->plan.features & FEATURE_CLOUDS;
+	f->sky = f->plain = programs_get(ws->programs, file, traced ? "CLOUDS=1" : "", err);
+	if (f->sky && f->job.kind == WELKIN_JOB_IMAGE && !f->method->progressive)
+		f->plain = programs_get(ws->programs, file, "PLAIN=1", err);
+	return f->plain != NULL;
 }
 
 struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, int memfd, struct error *err)

@@ -26,7 +26,7 @@ struct tally {
 struct frame {
 	struct welkin_job job;
 	const struct method *method;
-	const struct program *rays, *sky, *disk, *output; /* disk, output: chosen when the strips begin */
+	const struct program *rays, *sky, *plain, *disk, *output; /* plain: see choose_sky() */
 	const struct program *clouds, *compose;           /* NULL without clouds */
 	struct scenery scenery;
 	struct {

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { CHANNELS = 4 };
+enum { CHANNELS = 4, PROGRESSIVE_SOFTWARE = 256, PROGRESSIVE_HARDWARE = 1 << 15 };
 
 /* What T = 1 adds up to over the batches, in the order kernels add. */
 static void set_white(struct frame *f)
@@ -97,6 +97,27 @@ bool image_start(struct workspace *ws, struct frame *frame, struct error *err)
 	return true;
 }
 
+/* The part of a strip that the sun's disk may touch; false: none. */
+static bool disk_box(const struct frame *f, const int tile[4], int box[4])
+{
+	for (int i = 0; i < 2; i++) {
+		const int from = f->sun_box[i] > tile[i] ? f->sun_box[i] : tile[i];
+		const int box_end = f->sun_box[i] + f->sun_box[i + 2], tile_end = tile[i] + tile[i + 2];
+		box[i] = from;
+		box[i + 2] = (box_end < tile_end ? box_end : tile_end) - from;
+		if (box[i + 2] <= 0)
+			return false;
+	}
+	return true;
+}
+
+/* Neither metering nor strips beside the disk need more than light and alpha. */
+static bool plain_enough(const struct frame *f, const int tile[4])
+{
+	int box[4];
+	return !(f->scene.frame.features & FEATURE_LAYERS) && (f->stage == FRAME_METER || !disk_box(f, tile, box));
+}
+
 bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4], unsigned radiance,
 	const int samples[4], struct error *err)
 {
@@ -107,7 +128,7 @@ bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4
 	if (!scenery_records(ws, f, tile, err))
 		return false;
 	struct pass sky = { .name = f->stage == FRAME_METER ? "meter" : "sky",
-		.program = f->sky,
+		.program = plain_enough(f, tile) ? f->plain : f->sky,
 		.threads = { tile[2] * tile[3], 1, 1 } };
 	memcpy(sky.tile, tile, sizeof sky.tile);
 	if (samples)
@@ -128,20 +149,13 @@ bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4
 	return true;
 }
 
-/* On the part of the strip that the disk may touch, if there is one. */
 static void run_disk(struct workspace *ws, const struct frame *f, const int tile[4])
 {
 	struct pass pass = { .name = "sun-disk", .program = f->disk };
+	if (!disk_box(f, tile, pass.box))
+		return;
 	memcpy(pass.tile, tile, sizeof pass.tile);
-	for (int i = 0; i < 2; i++) {
-		const int from = f->sun_box[i] > tile[i] ? f->sun_box[i] : tile[i];
-		const int box_end = f->sun_box[i] + f->sun_box[i + 2], tile_end = tile[i] + tile[i + 2];
-		pass.box[i] = from;
-		pass.box[i + 2] = (box_end < tile_end ? box_end : tile_end) - from;
-		if (pass.box[i + 2] <= 0)
-			return;
-		pass.threads[i] = pass.box[i + 2];
-	}
+	memcpy(pass.threads, pass.box + 2, 2 * sizeof pass.threads[0]);
 	pass.storage[BIND_DIRECTIONS] = ws->rays.id;
 	pass.storage[BIND_RADIANCE] = ws->radiance.id;
 	pass.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
@@ -257,7 +271,10 @@ static void next_tile(struct workspace *ws, struct frame *f, double start_ms, in
 		memcpy(tile, f->tile, sizeof f->tile);
 		return;
 	}
-	strips_next(&f->strips, frame_afford(ws, f, f->scene.n_batches, start_ms), tile);
+	/* which pixels share a decision to stop must not depend on the clock: same seed, same bytes */
+	const int pixels = f->method->progressive ? (ws->device->info.software ? PROGRESSIVE_SOFTWARE : PROGRESSIVE_HARDWARE)
+						  : frame_afford(ws, f, f->scene.n_batches, start_ms);
+	strips_next(&f->strips, pixels, tile);
 	memcpy(f->tile, tile, sizeof f->tile);
 }
 

@@ -255,6 +255,26 @@ static void set_bands(struct scene *scene, const struct welkin_request *request,
 	}
 }
 
+/* What the disk's pass, which sees colours only, darkens them by: the mean over the bands by their share of each
+ * colour, right to first order in how the exponents differ. */
+static void set_limb(struct scene *scene)
+{
+	const double *law = spectrum_limb_law;
+	to_vec4(scene->frame.limb_law, law, 0);
+	for (int c = 0; c < 3; c++) {
+		double sum = 0, weighted = 0;
+		for (int band = 0; band < 4 * scene->n_batches; band++) {
+			const struct BandsBlock *bands = &scene->batches[band / 4];
+			const double share =
+				(double)bands->to_rgb[c][band % 4] * (double)bands->sun_irradiance[band % 4];
+			const double x = 1e3 / (double)bands->wavelength[band % 4];
+			sum += share;
+			weighted += share * (law[0] + x * (law[1] + x * law[2]));
+		}
+		scene->frame.limb[c] = sum > 0 ? (float)fmin(fmax(weighted / sum, 0), 1) : 0;
+	}
+}
+
 static void set_method_values(struct scene *scene, const struct welkin_request *request)
 {
 	const int index = request->atmosphere.method;
@@ -280,6 +300,8 @@ void scene_prepare(struct scene *scene, const struct welkin_request *request, co
 	set_media(scene, &request->atmosphere);
 	scene->media.sun_intensity = (float)request->sun.intensity;
 	set_bands(scene, request, wavelengths_nm, n);
+	if (request->sun.limb_darkening)
+		set_limb(scene);
 	set_method_values(scene, request);
 	clouds_prepare(scene, request);
 }

@@ -174,6 +174,10 @@ double spectrum_linear(const double triple[3], double wavelength_nm)
 	return lerp(triple[red + 1], triple[red], (nm - rgb_nm[red + 1]) / (rgb_nm[red] - rgb_nm[red + 1]));
 }
 
+/* Through their table 2, from the measurements of Pierce & Slaughter: 0.397, 0.503 and 0.652 at 679.1, 552.2 and
+ * 443.9 nm. Nearly linear in the wave number. */
+const double spectrum_limb_law[3] = { 0.017781, 0.212227, 0.030763 };
+
 /* Linear interpolation between the neighbours of a wavelength in any order, held outside. */
 static double sampled(const double *wavelengths_nm, const double *value, int n, double nm)
 {

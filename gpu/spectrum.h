@@ -6,8 +6,11 @@
 /* Spectral data, interpolated linearly between tabulated wavelengths (10 nm; colour matching 5 nm)
  * and held constant outside 360…830 nm. All in double precision; no state. */
 
-double spectrum_solar(double wavelength_nm);               /* W/m²/nm at 1 AU, ASTM G-173 ETR in 10 nm bins */
-double spectrum_ozone(double wavelength_nm);               /* m² per molecule at 233 K */
+double spectrum_solar(double wavelength_nm); /* W/m²/nm at 1 AU, ASTM G-173 ETR in 10 nm bins */
+double spectrum_ozone(double wavelength_nm); /* m² per molecule at 233 K */
+/* Limb darkening of the sun, Hestroffer & Magnan 1998: L ~ mu^alpha over its disk, alpha a polynomial of the wave
+ * number in 1/um with these coefficients, constant first. */
+extern const double spectrum_limb_law[3];
 void spectrum_cie(double wavelength_nm, double xyz[3]);    /* CIE 1931 2° */
 void spectrum_daylight(double wavelength_nm, double s[3]); /* CIE S0 S1 S2 */
 

@@ -109,10 +109,10 @@ float phase_henyey_greenstein(float g, float nu)
 	return (1.0 - g * g) / (4.0 * PI * d * sqrt(d));
 }
 
-/* Cornette & Shanks 1992, eq. 8. */
-float phase_cornette_shanks(float g, float nu)
+/* What makes Cornette & Shanks 1992, eq. 8, of Henyey & Greenstein's. */
+float cornette_shanks_factor(float g, float nu)
 {
-	return phase_henyey_greenstein(g, nu) * 1.5 * (1.0 + nu * nu) / (2.0 + g * g);
+	return 1.5 * (1.0 + nu * nu) / (2.0 + g * g);
 }
 
 /* Blasi, Le Saec & Schlick 1993, with the usual k = 1.55 g - 0.55 g³, which passes 1 at g = 0.938 and is
@@ -125,9 +125,8 @@ float phase_schlick(float g, float nu)
 
 float phase_aerosol(float nu)
 {
-	if (media.aerosol_phase == PHASE_HENYEY_GREENSTEIN)
-		return phase_henyey_greenstein(media.aerosol_g, nu);
 	if (media.aerosol_phase == PHASE_SCHLICK)
 		return phase_schlick(media.aerosol_g, nu);
-	return phase_cornette_shanks(media.aerosol_g, nu);
+	float factor = media.aerosol_phase == PHASE_CORNETTE_SHANKS ? cornette_shanks_factor(media.aerosol_g, nu) : 1.0;
+	return phase_henyey_greenstein(media.aerosol_g, nu) * factor;
 }

@@ -6,6 +6,7 @@
 #include "multiple_table.glsl"
 #include "aerial.glsl"
 #include "cloud_shadow.glsl"
+#include "colour.glsl"
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
@@ -54,11 +55,6 @@ vec4 cloud_radiance(vec3 d, vec4 answer, float t)
 	vec4 down = max(0.25 * m.m0 + 0.5 * m.vz, 0.0), back = max(0.25 * m.m0 - 0.5 * m.vz, 0.0);
 	vec4 sunlight = mu_s > mu_horizon(at) ? exp(-optical_depth(sun_column(at, mu_s))) : vec4(0.0);
 	return sunlight * answer.y + (down * answer.z + back * answer.w) / PI;
-}
-
-vec3 to_rgb(vec4 L)
-{
-	return vec3(dot(bands.to_rgb[0], L), dot(bands.to_rgb[1], L), dot(bands.to_rgb[2], L));
 }
 
 void main()

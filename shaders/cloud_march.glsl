@@ -148,7 +148,7 @@ const float SEEN = 1.5;       /* steps per width of a pixel at their distance */
 const float HIDDEN = 0.8;     /* optical depth of a step at the edge of a cloud; it grows with the depth behind the edge */
 
 struct Sample {
-	float t, length; /* the step's middle */
+	float t, span; /* the step's middle */
 	vec3 q;
 	vec4 weather;
 	float shape;
@@ -158,7 +158,7 @@ Sample sample_at(Stretch s, float t, float length_)
 {
 	Sample p;
 	p.t = t + 0.5 * length_;
-	p.length = length_;
+	p.span = length_;
 	p.q = cloud_point(s.ray, p.t);
 	p.weather = cloud_weather(p.q.xz);
 	p.shape = cloud_shape(p.q, p.weather);
@@ -208,12 +208,12 @@ void march_adaptive(inout March m, Stretch s)
 		Sample p = sample_at(s, t, step_);
 		if (saves(SAVE_EMPTY_SPACE))
 			p = next_cloud(s, t, step_, left);
-		float lit = p.t + (saves(SAVE_SHARED_LIGHT) ? 0.5 * p.length : 0.0);
+		float lit = p.t + (saves(SAVE_SHARED_LIGHT) ? 0.5 * p.span : 0.0);
 		float sun_depth = sun_depth_at(cloud_point(s.ray, lit), to_sun_at(s, lit));
 		for (int i = 0; i < (saves(SAVE_SHARED_LIGHT) ? 2 : 1); i++) {
-			float sigma = cloud_extinction_of(p.q, p.weather, p.shape), within = clamp(s.end - t, 0.0, p.length);
+			float sigma = cloud_extinction_of(p.q, p.weather, p.shape), within = clamp(s.end - t, 0.0, p.span);
 			march_add(m, p.t, sigma * within, cloud_source(m, p.q, sun_depth, s.nu));
-			t += p.length;
+			t += p.span;
 			step_ = next_step(m, sigma, coarse_step(s, t));
 			if (saves(SAVE_SHARED_LIGHT) && i == 0)
 				p = sample_at(s, t, step_);

@@ -240,6 +240,8 @@ WELKIN_BLOCK(FrameBlock, BIND_FRAME)
 	int output_format;   /* OUTPUT_ */
 	float sun_solid_angle; /* sr */
 	int reserved0;
+	vec4 limb;             /* xyz: exponents of the sun's limb darkening, L ~ mu^limb, for linear Rec.709; 0: a uniform disk */
+	vec4 limb_law;         /* xyz: the same for a wavelength, a polynomial of the wave number in 1/um */
 WELKIN_BLOCK_END(frame)
 
 /* The atmosphere's geometry and profiles: the same for all bands. */

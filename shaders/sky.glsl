@@ -27,12 +27,17 @@ vec4 ground_reflected = vec4(0.0);
 /* Distance to a surface that method_sky() itself met, for the depth layer; negative: none. */
 float surface_reached = -1.0;
 
-/* Chosen when the program is built, where the renderer does so. */
-#ifndef SPECTRAL
-#define SPECTRAL (frame.features & FEATURE_SPECTRAL)
+/* PLAIN, chosen when the program is built: pixels without layers, and none that the sun's disk may touch. */
+#ifdef PLAIN
+#define WANTED(bits) 0
+#else
+#define WANTED(bits) (frame.features & (bits))
 #endif
-#ifndef LAYERS
-#define LAYERS (frame.features & FEATURE_LAYERS)
+
+/* A method that can give colours at less cost defines METHOD_COLOR: linear Rec.709 of L, and a = the luminance of sun ×
+ * transmittance. Plain images then ask for that instead. */
+#ifdef METHOD_COLOR
+vec4 method_color(Ray ray);
 #endif
 
 /* How many invocations share a ray, each with a result of its own; a method of random samples says more. */
@@ -40,27 +45,30 @@ float surface_reached = -1.0;
 #define RAY_SHARE 1
 #endif
 
-/* Replies the bands as they are, the uniform disk included where the direction is within it: by the
+/* Replies the bands as they are, the disk included where the direction is within it: by the
  * chord, since cosines of angles this small have lost their digits. */
 void write_spectral(int i, Ray ray, vec4 L, vec4 T)
 {
-	bool on_disk = feature(FEATURE_SUN_DISK) &&
-		distance(ray.d, frame.sun_direction.xyz) <= 2.0 * sin(0.5 * frame.sun_angular_radius);
-	radiance[i] = on_disk ? L + T * bands.sun_irradiance / frame.sun_solid_angle : L;
+	float rho = distance(ray.d, frame.sun_direction.xyz) / (2.0 * sin(0.5 * frame.sun_angular_radius));
+	vec4 wave = 1e3 / bands.wavelength, alpha = frame.limb_law.x + wave * (frame.limb_law.y + wave * frame.limb_law.z);
+	vec4 limb = pow(vec4(max(1.0 - rho * rho, 1e-12)), 0.5 * alpha) * (1.0 + 0.5 * alpha);
+	bool on_disk = WANTED(FEATURE_SUN_DISK) != 0 && rho <= 1.0;
+	radiance[i] = on_disk ? L + T * bands.sun_irradiance * limb / frame.sun_solid_angle : L;
 	transmittance[i] = T;
 }
 
 /* Adds a batch's share to what the strip holds; the first batch finds anything there. */
-void add_pixel(int i, Ray ray, vec4 L, vec4 T)
+void add_color(int i, vec4 color)
+{
+	radiance[i] = batch == 0 ? color : radiance[i] + color;
+}
+
+void add_layers(int i, Ray ray, vec4 L, vec4 T)
 {
 	bool first = batch == 0;
-	vec4 color = vec4(to_rgb(L), dot(T, bands.sun_luminance));
-	radiance[i] = first ? color : radiance[i] + color;
-	if (LAYERS != 0 || feature(FEATURE_SUN_DISK)) {
-		vec3 through = to_rgb(T * bands.sun_irradiance);
-		transmittance[i] = vec4(first ? through : transmittance[i].rgb + through, 1.0);
-	}
-	if (LAYERS != 0) {
+	vec3 through = to_rgb(T * bands.sun_irradiance);
+	transmittance[i] = vec4(first ? through : transmittance[i].rgb + through, 1.0);
+	if (WANTED(FEATURE_LAYERS) != 0) {
 		float ground = ray.pixel_solid_angle < 0.0 ? -1.0 : ray_ground_distance(ray.h, ray.mu);
 		ground = surface_reached >= 0.0 ? surface_reached : ground;
 		vec3 layer = to_rgb(L - ground_reflected);
@@ -69,22 +77,20 @@ void add_pixel(int i, Ray ray, vec4 L, vec4 T)
 	}
 }
 
-void main()
+/* What surfaces of a scene leave of a pixel's sky; surfaces.comp adds theirs. */
+float open_share(int i)
 {
-	int i = int(gl_GlobalInvocationID.x);
-	if (i >= tile.z * tile.w * RAY_SHARE)
-		return;
-	int ray_index = i / RAY_SHARE;
-	vec4 at = direction[SPECTRAL != 0 ? tile.x + ray_index : ray_index];
-	Ray ray;
-	ray.d = at.xyz;
-	ray.h = frame.camera_altitude;
-	ray.up = frame.vertical.xyz;
-	ray.mu = clamp(dot(ray.up, ray.d), -1.0, 1.0);
-	ray.pixel_solid_angle = at.w;
+	return feature(FEATURE_SURFACES) ? 1.0 - surface_coverage(surface[i]) : 1.0;
+}
+
+void write_pixel(int i, Ray ray, bool shown)
+{
+#if defined(PLAIN) && defined(METHOD_COLOR)
+	vec4 color = method_color(ray) * open_share(i);
+	add_color(i, shown ? color : vec4(vec3(0.0), dot(bands.sun_luminance, vec4(1.0))));
+#else
 	vec4 L = vec4(0.0), T = vec4(0.0);
-	/* what surfaces of a scene leave of the sky; surfaces.comp adds theirs */
-	float open = feature(FEATURE_SURFACES) ? 1.0 - surface_coverage(surface[i]) : 1.0;
+	float open = open_share(i);
 	if (open > 0.0)
 		method_sky(ray, L, T);
 	if (open < 1.0) {
@@ -92,12 +98,32 @@ void main()
 		T *= open;
 		ground_reflected *= open;
 	}
-	if (at.w < 0.0) {
+	if (!shown) {
 		L = ground_reflected = vec4(0.0);
 		T = vec4(1.0);
 	}
-	if (SPECTRAL != 0)
+	if (WANTED(FEATURE_SPECTRAL) != 0) {
 		write_spectral(i, ray, L, T);
-	else
-		add_pixel(i, ray, L, T);
+		return;
+	}
+	add_color(i, vec4(to_rgb(L), dot(T, bands.sun_luminance)));
+	if (WANTED(FEATURE_LAYERS | FEATURE_SUN_DISK) != 0)
+		add_layers(i, ray, L, T);
+#endif
+}
+
+void main()
+{
+	int i = int(gl_GlobalInvocationID.x);
+	if (i >= tile.z * tile.w * RAY_SHARE)
+		return;
+	int ray_index = i / RAY_SHARE;
+	vec4 at = direction[WANTED(FEATURE_SPECTRAL) != 0 ? tile.x + ray_index : ray_index];
+	Ray ray;
+	ray.d = at.xyz;
+	ray.h = frame.camera_altitude;
+	ray.up = frame.vertical.xyz;
+	ray.mu = clamp(dot(ray.up, ray.d), -1.0, 1.0);
+	ray.pixel_solid_angle = at.w;
+	write_pixel(i, ray, at.w >= 0.0);
 }

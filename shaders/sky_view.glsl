@@ -7,12 +7,16 @@
  *   - y: rays above the horizon in the upper rows, rays that meet the ground in the lower, each by the square
  *     root of the angle from the horizon (its chord, rather) over the largest such angle. Above the atmosphere the largest
  *     angle is the limb's own, so that 20 km of bright air seen from 400 km get half the rows.
- * Layers one above the other: all light but sunlight that the aerosol scattered once; that sunlight, without its phase
- * function, whose peak would need a far finer table; the transmittance's root (sky_view_through).
+ * Layers one above the other:
+ *   0  all light but sunlight that the aerosol scattered once, per band;
+ *   1  that sunlight, without its phase function, whose peak would need a far finer table;
+ *   2  layer 0 as linear Rec.709, since colours add up like light; a: the 16th root of the luminance that the sun's
+ *      irradiance would have seen through the air, close to a straight line over rows where itself it falls e-fold;
+ *   3  layer 1 as linear Rec.709.
  */
 #include "atmosphere.glsl"
 
-const int SKY_VIEW_LAYERS = 3;
+const int SKY_VIEW_LAYERS = 4;
 const float SKY_VIEW_EDGE = 2e-5; /* rad: rows next to the horizon keep clear of it, so that rounding can't put a ray on the wrong side */
 
 /* Directions by cosine and sine of the zenith angle. */
@@ -74,14 +78,4 @@ vec3 sky_view_direction(vec2 texel, vec2 size)
 	float turned = texel.x / (size.x - 1.0), from_end = 2.0 * asin(min(turned, 1.0 - turned) * sqrt(2.0));
 	float azimuth = turned > 0.5 ? PI - from_end : from_end;
 	return normalize(up * cos(zenith) + (x * cos(azimuth) + y * sin(azimuth)) * sin(zenith));
-}
-
-/* Transmittance from what the table keeps of it, its 16th root: over the rows that is close to a straight line where the
- * transmittance itself falls e-fold. */
-vec4 sky_view_through(vec4 kept)
-{
-	vec4 x = kept * kept;
-	x *= x;
-	x *= x;
-	return x * x;
 }

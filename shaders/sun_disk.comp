@@ -1,4 +1,4 @@
-/* Adds the sun's disk, uniformly bright, to a strip whose batches are done. */
+/* Adds the sun's disk to a strip whose batches are done. */
 #include "sun_disk.glsl"
 
 layout(local_size_x = WORKGROUP_X, local_size_y = WORKGROUP_Y) in;
@@ -18,5 +18,5 @@ void main()
 	vec4 d = direction[i];
 	if (d.w <= 0.0 || dot(d.xyz, frame.sun_direction.xyz) < 0.5)
 		return;
-	radiance[i].rgb += transmittance[i].rgb * (sun_coverage(vec2(pixel) + 0.5) / frame.sun_solid_angle);
+	radiance[i].rgb += transmittance[i].rgb * sun_share(vec2(pixel) + 0.5) / frame.sun_solid_angle;
 }

@@ -313,6 +313,45 @@ static void test_random_worlds(void **state)
 	assert_true(sum < 1e-3 && worst < 0.02);
 }
 
+/* Images without layers come from a quicker kernel, and from colours and alpha that sky_view's table keeps. */
+static void test_plain_images(void **state)
+{
+	enum { SIDE = 96 };
+	static const double suns[] = { 40, 3, -4 }, altitudes[] = { 2, 10e3, 400e3 };
+	(void)state;
+	for (int i = 0; i < 9; i++) {
+		struct welkin_request r = request_of(WELKIN_EARTH, altitudes[i % 3], suns[i / 3]);
+		struct welkin_result result;
+		void *plain, *all;
+		double alpha = 0, light = 0, brightest = 0;
+
+		r.image.width = r.image.height = SIDE;
+		r.image.projection = WELKIN_EQUIRECTANGULAR;
+		r.image.format = WELKIN_EXR;
+		r.image.exr_type = WELKIN_FLOAT;
+		r.exposure_mode = WELKIN_EXPOSURE_EV;
+		while (strcmp(welkin_method_names[r.atmosphere.method], "sky_view") != 0)
+			r.atmosphere.method++;
+		assert_true(lib_render(&renderer, &r, &plain, &result));
+		r.image.layers = WELKIN_LAYER_TRANSMITTANCE;
+		assert_true(lib_render(&renderer, &r, &all, &result));
+		const float(*a)[4] = plain, (*b)[4] = all;
+		for (int k = 0; k < SIDE * SIDE; k++)
+			for (int c = 0; c < 3; c++)
+				brightest = fmax(brightest, b[k][c]);
+		for (int k = 0; k < SIDE * SIDE; k++) {
+			alpha = fmax(alpha, fabs(a[k][3] - b[k][3]));
+			for (int c = 0; c < 3; c++)
+				light = fmax(light, fabs(a[k][c] - b[k][c]) / brightest);
+		}
+		print_message("plain images, sun %g deg, %g m: alpha off by %.1e, light by %.1e\n", suns[i / 3],
+			altitudes[i % 3], alpha, light);
+		assert_true(brightest > 0 && alpha < 2e-3 && light < 1e-5);
+		free(plain);
+		free(all);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -323,6 +362,7 @@ int main(void)
 		cmocka_unit_test(test_past_the_atmosphere),
 		cmocka_unit_test(test_presets_are_the_measured_ones),
 		cmocka_unit_test(test_random_worlds),
+		cmocka_unit_test(test_plain_images),
 	};
 
 	return cmocka_run_group_tests(tests, setup, teardown);

@@ -275,27 +275,50 @@ static double disk_flux(struct welkin_request *r)
 	return flux[0];
 }
 
-/* Wherever the disk falls on the grid, whatever its size, its flux is one. */
+/* Wherever the disk falls on the grid, whatever its size, uniform or darker towards the limb, its flux is one. */
 static void disk_keeps_its_flux(void **state)
 {
 	(void)state;
 	static const double radii_deg[] = { 0.05, 0.2666, 1, 5 };
 	static const int projections[] = { WELKIN_PERSPECTIVE, WELKIN_EQUIRECTANGULAR, WELKIN_FISHEYE, WELKIN_CUBEMAP };
+	double worst = 0;
 	for (size_t p = 0; p < sizeof projections / sizeof projections[0]; p++)
 		for (size_t k = 0; k < sizeof radii_deg / sizeof radii_deg[0]; k++)
-			for (int place = 0; place < 7; place++) {
+			for (int place = 0; place < 14; place++) {
 				const bool cross = projections[p] == WELKIN_CUBEMAP;
 				struct welkin_request r =
 					view(projections[p], cross ? 256 : 160, cross ? 192 : 120, 120);
 				r.sun.angular_radius_deg = radii_deg[k];
-				r.sun.elevation_deg = 37 + 3.17 * place;
-				r.sun.azimuth_deg = 201 + 1.83 * place;
+				r.sun.elevation_deg = 37 + 3.17 * (place % 7);
+				r.sun.azimuth_deg = 201 + 1.83 * (place % 7);
+				r.sun.limb_darkening = place >= 7;
 				const double flux = disk_flux(&r);
+				worst = fmax(worst, fabs(flux - 1));
 				/* pixels much larger than the disk are measured at their centre only */
 				if (fabs(flux - 1) > 0.01)
 					fail_msg("projection %d, radius %g, place %d: %g", projections[p], radii_deg[k],
 						place, flux);
 			}
+	print_message("flux of the disk: off by %.2g at most\n", worst);
+}
+
+/* Pixels much smaller than the disk: it is darker at the limb and keeps its flux, per colour. */
+static void disk_is_darker_at_its_limb(void **state)
+{
+	(void)state;
+	for (int dark = 0; dark < 2; dark++) {
+		struct welkin_request r = view(WELKIN_PERSPECTIVE, 200, 200, 1);
+		r.camera.heading_deg = r.sun.azimuth_deg = 90;
+		r.camera.pitch_deg = r.sun.elevation_deg = 30;
+		r.camera.roll_deg = 0;
+		r.sun.limb_darkening = dark;
+		const double flux = disk_flux(&r);
+		if (fabs(flux - 1) > 1e-3)
+			fail_msg("limb darkening %d: %g", dark, flux);
+		const float *limb = scene_of(&r)->frame.limb;
+		assert_true(dark ? limb[0] > 0.3f && limb[0] < limb[1] && limb[1] < limb[2] && limb[2] < 0.8f
+				 : limb[2] == 0);
+	}
 }
 
 /* At the panorama's seam and pole, and on a cube's edge, where boxes are hard to draw. */
@@ -325,6 +348,7 @@ int main(void)
 		cmocka_unit_test(plain_directions),
 		cmocka_unit_test(solid_angles_add_up),
 		cmocka_unit_test(disk_keeps_its_flux),
+		cmocka_unit_test(disk_is_darker_at_its_limb),
 		cmocka_unit_test(disk_at_seams),
 	};
 	return cmocka_run_group_tests_name("camera", tests, lib_gpu_open, lib_gpu_close);

@@ -38,6 +38,7 @@ static void test_every_byte_has_one_field(void **state)
 		size_t offset, size;
 	} others[] = {
 		{ offsetof(struct welkin_request, image.format), 4 },
+		{ offsetof(struct welkin_request, sun.reserved), 4 },
 		{ offsetof(struct welkin_request, reserved), 4 },
 		{ offsetof(struct welkin_request, atmosphere.choice), 4 },
 		{ offsetof(struct welkin_request, reserved2), 4 },
@@ -102,11 +103,11 @@ static void test_designed_names_are_there(void **state)
 	(void)state;
 	static const char *const names[] = { "image.width", "image.height", "image.projection", "image.layers",
 		"camera.position_m", "camera.altitude_m", "camera.heading_deg", "camera.pitch_deg", "camera.roll_deg",
-		"camera.fov_deg", "sun.elevation_deg", "sun.azimuth_deg", "sun.disk", "sun.intensity", "time",
-		"place.latitude_deg", "place.longitude_deg", "atmosphere.preset", "atmosphere.method",
-		"atmosphere.steps", "atmosphere.light_steps", "atmosphere.spectrum", "atmosphere.max_order",
-		"atmosphere.turbidity", "ground.albedo", "exposure.mode", "exposure.ev", "tone.map",
-		"accuracy.max_error", "accuracy.budget_ms", "seed" };
+		"camera.fov_deg", "sun.elevation_deg", "sun.azimuth_deg", "sun.disk", "sun.limb_darkening",
+		"sun.intensity", "time", "place.latitude_deg", "place.longitude_deg", "atmosphere.preset",
+		"atmosphere.method", "atmosphere.steps", "atmosphere.light_steps", "atmosphere.spectrum",
+		"atmosphere.max_order", "atmosphere.turbidity", "ground.albedo", "exposure.mode", "exposure.ev",
+		"tone.map", "accuracy.max_error", "accuracy.budget_ms", "seed" };
 	for (size_t i = 0; i < sizeof names / sizeof names[0]; i++)
 		if (welkin_field_find(names[i]) < 0)
 			fail_msg("%s is missing", names[i]);

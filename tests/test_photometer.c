@@ -67,7 +67,7 @@ static void radiance_does_not_depend_on_company(void **state)
 	free(all);
 }
 
-/* Towards the sun: with the disk there is L = T·E/Ω more, a hair beside it there is not. */
+/* Towards the sun there is L = T·E/Ω more with the disk, a hair beside it there is not. */
 static void photometer_sees_the_disk(void **state)
 {
 	(void)state;
@@ -93,11 +93,53 @@ static void photometer_sees_the_disk(void **state)
 	free(without);
 }
 
+/* Rings of equal solid angle, added up, give back the irradiance; the centre and a place near the limb have the
+ * published brightness. */
+static void photometer_sees_the_limb(void **state)
+{
+	enum { RINGS = 200 };
+	static const double nm[3] = { 679.1, 552.2, 443.9 }, alpha[3] = { 0.397, 0.503, 0.652 };
+	static double directions[RINGS][3];
+	(void)state;
+	struct welkin_request r = march_request();
+	struct welkin_result result;
+	const struct welkin_radiance_layout at = welkin_radiance_layout(RINGS, 3);
+	const double radius = r.sun.angular_radius_deg * M_PI / 180, omega = 4 * M_PI * pow(sin(radius / 2), 2);
+	double *with, *without;
+	for (int i = 0; i < RINGS; i++) {
+		const double angle = 2 * asin(sqrt((i + 0.5) / RINGS) * sin(radius / 2));
+		direction_of(r.sun.elevation_deg + angle * 180 / M_PI, r.sun.azimuth_deg, directions[i]);
+	}
+	r.sun.spectrum = WELKIN_SUN_FLAT;
+	r.sun.limb_darkening = 1;
+	assert_true(lib_radiance(&renderer, &r, (const double(*)[3])directions, RINGS, nm, 3, &with, &result));
+	r.sun.disk = 0;
+	assert_true(lib_radiance(&renderer, &r, (const double(*)[3])directions, RINGS, nm, 3, &without, &result));
+	for (int w = 0; w < 3; w++) {
+		double sum = 0;
+		for (int i = 0; i < RINGS; i++) {
+			const size_t k = (size_t)(3 * i + w);
+			const double E =
+				(with[at.radiance + k] - without[at.radiance + k]) / with[at.transmittance + k] * omega;
+			const double mu = sqrt(1 - (i + 0.5) / RINGS);
+			/* float32 angles know the limb to some 1e-3 of the radius */
+			if (mu > 0.2 && fabs(E / (pow(mu, alpha[w]) * (1 + alpha[w] / 2)) - 1) > 2e-3)
+				fail_msg("%g nm, mu %g: %g", nm[w], mu, E);
+			sum += E / RINGS;
+		}
+		if (fabs(sum - 1) > 2e-3)
+			fail_msg("%g nm: the disk has %g of the sun's irradiance", nm[w], sum);
+	}
+	free(with);
+	free(without);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(radiance_does_not_depend_on_company),
 		cmocka_unit_test(photometer_sees_the_disk),
+		cmocka_unit_test(photometer_sees_the_limb),
 	};
 	return cmocka_run_group_tests_name("photometer", tests, start, stop);
 }

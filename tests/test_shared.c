@@ -37,7 +37,7 @@ static const struct member frame_members[] = { M(FrameBlock, camera_right), M(Fr
 	M(FrameBlock, fov), M(FrameBlock, camera_altitude), M(FrameBlock, sun_angular_radius),
 	M(FrameBlock, exposure_scale), M(FrameBlock, tone_map), M(FrameBlock, dither), M(FrameBlock, seed),
 	M(FrameBlock, features), M(FrameBlock, output_format), M(FrameBlock, sun_solid_angle), M(FrameBlock, reserved0),
-	{ 0 } };
+	M(FrameBlock, limb), M(FrameBlock, limb_law), { 0 } };
 
 static const struct member media_members[] = { M(MediaBlock, planet_radius), M(MediaBlock, top),
 	M(MediaBlock, rayleigh_scale_height), M(MediaBlock, aerosol_scale_height), M(MediaBlock, ozone_center),

@@ -21,7 +21,7 @@ static enum table_state tables(
 	static const struct table_desc sky_view = {
 		.name = "sky_view",
 		.width = 64,
-		.height = 3 * 128,
+		.height = 4 * 128,
 		.internal_format = GL_RGBA32F,
 		.unit = UNIT_SKY_VIEW,
 		.threads = { 64, 128, 1 },
