@@ -26,13 +26,20 @@ enum welkin_type {
 	WELKIN_TYPE_TRIPLE, /* double[3]; like VEC3, or one number for all three */
 	WELKIN_TYPE_TIME,   /* int64_t ms; RFC 3339 */
 	WELKIN_TYPE_SEED,   /* uint32_t */
+	WELKIN_TYPE_NAME,   /* char[WELKIN_NAME_SIZE], zeros behind its end; a name that only the server can know, or ""
+			     */
 };
+
+/* What a NAME may look like; it is fit for a folder's name, a URL and a log line. */
+#define WELKIN_NAME_PATTERN "^([A-Za-z0-9][A-Za-z0-9._-]*)?$"
+/* Whether it is one and fits into WELKIN_NAME_SIZE; "" is. */
+bool welkin_name_valid(const char *name);
 
 struct welkin_field {
 	const char *name; /* dotted: "sun.elevation_deg" */
 	enum welkin_type type;
 	const char *unit;         /* "" where there is none */
-	double min, max;          /* inclusive; of every component; ignored for ENUM, FLAGS, BOOL, TIME */
+	double min, max;          /* inclusive; of every component; ignored for ENUM, FLAGS, BOOL, TIME, NAME */
 	const char *default_text; /* as it would be written in a query; "" where it depends, see help */
 	const char *help;         /* one or two sentences */
 	const char *const *names; /* ENUM, FLAGS, and INT where only some values are allowed: NULL-terminated */
@@ -60,8 +67,9 @@ enum { WELKIN_METHODS_MAX = 64 };
 extern const char *welkin_method_names[WELKIN_METHODS_MAX + 1];
 /* Not 0: the method cannot be used, so the OpenAPI document (and with it the page) leaves it out. */
 extern atomic_uchar welkin_method_hidden[WELKIN_METHODS_MAX];
-/* Is it a parameter of another method than this? */
-bool welkin_field_idle(const struct welkin_field *field, int method);
+/* Does it change nothing of this request: a parameter of another method, or of the scene where there is none? Such a
+ * field has its default. */
+bool welkin_field_idle(const struct welkin_field *field, const struct welkin_request *request);
 
 /* ---- faults ---- */
 
@@ -128,6 +136,8 @@ struct welkin_limits {
 /* Fills in every default, the preset's coefficients, the sun from time and place (when not
  * given), the heading towards the sun (when not given), sizes by projection, position from
  * altitude or the other way round, and checks what spans fields: pixel budget, position_m and altitude_m both given,
+ * (with a scene, heights above its surface are for server/scenes.h to fill in, which knows it: until then the ground
+ * counts as flat),
  * camera below the ground, top below the camera's ground, cubemap 4:3, layers without EXR (only if
  * format is PNG and layers were given), g and others. Enum welkin_format goes in by format. Values that are not used by
  * the request stay as they are. After it, `out` is canonical: equal requests are equal bytes (-0 is 0, headings and
@@ -145,6 +155,11 @@ bool welkin_parse_time(const char *text, int64_t *time_ms);
 void welkin_format_time(int64_t time_ms, char text[32]);
 
 /* ---- text out ---- */
+
+/* Height above the planet's sphere of that radius of a point in the world frame, in a way that keeps its digits. */
+double welkin_altitude_of(const double position[3], double radius);
+/* Moves a point up or down (y), x and z as they are, until it has that altitude. false: no point there has. */
+bool welkin_set_altitude(double position[3], double radius, double altitude);
 
 /* Canonical JSON of a resolved request, every field in table order, nested, shortest numbers that
  * round-trip: goes into files and metadata. */

@@ -30,7 +30,7 @@ char *welkin_request_json(const struct welkin_request *request)
 	text_puts(&text, "{");
 	for (int i = 0; i < welkin_field_count; i++) {
 		const char *name = welkin_fields[i].name;
-		if (welkin_field_idle(&welkin_fields[i], request->atmosphere.method))
+		if (welkin_field_idle(&welkin_fields[i], request))
 			continue;
 		const size_t shared = shared_groups(before, name);
 		for (int closing = count_dots(before + shared); closing > 0; closing--)
@@ -50,6 +50,7 @@ char *welkin_request_json(const struct welkin_request *request)
 
 /* Fields that decide others' defaults, in the order in which they do; the rest follows in table order. */
 static const char *const deciding[] = {
+	"scene.name",
 	"image.projection",
 	"image.width",
 	"image.height",

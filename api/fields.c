@@ -67,6 +67,12 @@ static const struct welkin_field built_in[] = {
 	{ "camera.altitude_m", WELKIN_TYPE_DOUBLE, "m", 0, 1e8, "1.7",
 		"Height above sea level. Follows from camera.position_m when that is given; both given must agree.",
 		NULL, AT(camera.altitude_m) },
+	{ "camera.above_ground_m", WELKIN_TYPE_DOUBLE, "m", -1e8, 1e8, "",
+		"Height above the surface of the scene at the camera's x and z; without a scene there, above sea "
+		"level. It "
+		"replaces the height in camera.position_m. Default: what the altitude comes to, or 1.7 when a scene is "
+		"given and no height.",
+		NULL, AT(camera.above_ground_m) },
 	{ "camera.heading_deg", WELKIN_TYPE_DOUBLE, "deg", -360, 360, "",
 		"Direction of view, clockwise from north. Default: towards the sun.", NULL, AT(camera.heading_deg) },
 	{ "camera.pitch_deg", WELKIN_TYPE_DOUBLE, "deg", -90, 90, "0",
@@ -161,6 +167,24 @@ static const struct welkin_field built_in[] = {
 	{ "ground.albedo", WELKIN_TYPE_TRIPLE, "", 0, 1, "",
 		"Share of light the ground reflects, at 680, 550 and 440 nm.", NULL, AT(ground_albedo) },
 
+	{ "scene.name", WELKIN_TYPE_NAME, "", 0, 0, "",
+		"A mesh to stand under the sky, one of /v1/scenes; empty for none.", NULL, AT(scene.name) },
+	{ "scene.latitude_deg", WELKIN_TYPE_DOUBLE, "deg", -90, 90, "",
+		"Latitude of the scene's origin. Default: where the scene says that it lies (which then is the default "
+		"of "
+		"place.latitude_deg too), else place.latitude_deg.",
+		NULL, AT(scene.latitude_deg) },
+	{ "scene.longitude_deg", WELKIN_TYPE_DOUBLE, "deg", -180, 180, "",
+		"Longitude of the scene's origin, with a default like that of scene.latitude_deg.", NULL,
+		AT(scene.longitude_deg) },
+	{ "scene.altitude_m", WELKIN_TYPE_DOUBLE, "m", -1e6, 1e6, "0",
+		"Height of the scene's origin above sea level. Default: the scene's own, or 0.", NULL,
+		AT(scene.altitude_m) },
+	{ "scene.heading_deg", WELKIN_TYPE_DOUBLE, "deg", -360, 360, "0",
+		"Turn of the scene, clockwise. Default: the scene's own, or 0.", NULL, AT(scene.heading_deg) },
+	{ "scene.scale", WELKIN_TYPE_DOUBLE, "", 1e-4, 1e4, "1",
+		"Factor on the scene's size. Default: the scene's own, or 1.", NULL, AT(scene.scale) },
+
 	{ "exposure.mode", WELKIN_TYPE_ENUM, "", 0, 0, "auto",
 		"auto meters the image; ev takes exposure.ev; pupil narrows with the angle between view and sun, as an "
 		"eye does.",
@@ -210,9 +234,23 @@ void welkin_fields_reset(void)
 	welkin_field_count = BUILT_IN;
 }
 
-bool welkin_field_idle(const struct welkin_field *field, int method)
+static bool of_scene(const struct welkin_field *field)
 {
-	return field->of_method && field->of_method - 1 != method;
+	return !strncmp(field->name, "scene.", 6) && field->type != WELKIN_TYPE_NAME;
+}
+
+bool welkin_field_idle(const struct welkin_field *field, const struct welkin_request *request)
+{
+	if (field->of_method)
+		return field->of_method - 1 != request->atmosphere.method;
+	return !request->scene.name[0] && of_scene(field);
+}
+
+bool welkin_name_valid(const char *name)
+{
+	static const char allowed[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-";
+	const size_t length = strlen(name);
+	return length < WELKIN_NAME_SIZE && strspn(name, allowed) == length && (!length || !strchr("._-", name[0]));
 }
 
 int welkin_field_find(const char *name)

@@ -11,6 +11,7 @@ static const char *type_name(enum welkin_type type)
 	case WELKIN_TYPE_BOOL:
 		return "switch";
 	case WELKIN_TYPE_ENUM:
+	case WELKIN_TYPE_NAME:
 		return "name";
 	case WELKIN_TYPE_FLAGS:
 		return "names";

@@ -88,6 +88,11 @@ static void add_type(cJSON *schema, const struct welkin_field *field)
 		doc_string(schema, "type", "string");
 		doc_string(schema, "format", "date-time");
 		break;
+	case WELKIN_TYPE_NAME:
+		doc_string(schema, "type", "string");
+		doc_string(schema, "pattern", WELKIN_NAME_PATTERN);
+		doc_number(schema, "maxLength", WELKIN_NAME_SIZE - 1);
+		break;
 	}
 }
 
@@ -123,7 +128,8 @@ static void add_parameter(cJSON *parameters, int index, const struct welkin_requ
 	if (field->unit[0])
 		doc_string(schema, "x-unit", field->unit);
 	/* Where the default depends on other fields, what an empty request gets. */
-	const bool fixed = field->default_text[0] || field->type == WELKIN_TYPE_FLAGS;
+	const bool fixed =
+		field->default_text[0] || field->type == WELKIN_TYPE_FLAGS || field->type == WELKIN_TYPE_NAME;
 	add_value(schema, fixed ? "default" : "x-default", field, defaults);
 }
 

@@ -72,12 +72,14 @@ struct welkin_image {
 };
 
 struct welkin_camera {
-	double position_m[3]; /* world frame */
-	double altitude_m;    /* above sea level; agrees with position_m */
-	double heading_deg;   /* clockwise from north */
-	double pitch_deg;     /* up positive */
-	double roll_deg;      /* clockwise positive: the horizon tilts counter-clockwise */
-	double fov_deg;       /* vertical */
+	double position_m[3];  /* world frame */
+	double altitude_m;     /* above sea level; agrees with position_m */
+	double above_ground_m; /* above the scene's surface, or sea level where it has none: negative inside a mountain
+				*/
+	double heading_deg;    /* clockwise from north */
+	double pitch_deg;      /* up positive */
+	double roll_deg;       /* clockwise positive: the horizon tilts counter-clockwise */
+	double fov_deg;        /* vertical */
 };
 
 struct welkin_sun {
@@ -105,6 +107,15 @@ struct welkin_atmosphere {
 	double ozone_column_du, ozone_center_m, ozone_half_width_m;
 };
 
+enum { WELKIN_NAME_SIZE = 64 }; /* of a name, its NUL included */
+
+/* Where a mesh stands. Its own frame is x east, y up, z south in metres, turned by heading_deg (clockwise from north),
+ * times scale; its origin is at that latitude and longitude, altitude_m above sea level (gpu/placing.h). */
+struct welkin_scene {
+	char name[WELKIN_NAME_SIZE]; /* "": none; then the rest is as by default */
+	double latitude_deg, longitude_deg, altitude_m, heading_deg, scale;
+};
+
 /* Numbers that the operator's methods take, of all of them together. */
 enum { WELKIN_METHOD_VALUES = 64 };
 
@@ -123,6 +134,7 @@ struct welkin_request {
 	double max_error, budget_ms; /* 0 budget: none */
 	uint32_t seed;
 	int32_t reserved2;
+	struct welkin_scene scene;
 	double method_values[WELKIN_METHOD_VALUES]; /* defaults but for the method asked for; 0 where nobody's */
 };
 

@@ -40,8 +40,8 @@ static void fixed_defaults(struct work *w)
 {
 	for (int i = 0; i < welkin_field_count; i++) {
 		const struct welkin_field *field = &welkin_fields[i];
-		/* A parameter of a method that is not asked for changes nothing: equal images, equal bytes. */
-		const bool idle = welkin_field_idle(field, w->r->atmosphere.method);
+		/* What changes nothing has its default: equal images, equal bytes. */
+		const bool idle = welkin_field_idle(field, w->r);
 		if ((!w->given[i] || idle) && field->default_text[0])
 			value_from_text(field, field->default_text, w->r, w->faults);
 	}
@@ -102,8 +102,8 @@ static void resolve_sun(struct work *w)
 		sun->azimuth_deg = azimuth_deg;
 }
 
-/* Height above the sphere of radius R about (0, -R, 0), without the cancellation of √(…) − R. */
-static double altitude_of(const double position[3], double radius)
+/* About (0, -R, 0), without the cancellation of √(…) − R. */
+double welkin_altitude_of(const double position[3], double radius)
 {
 	const double across = position[0] * position[0] + position[2] * position[2];
 	const double y = position[1];
@@ -112,29 +112,92 @@ static double altitude_of(const double position[3], double radius)
 	return (across + y * (2 * radius + y)) / (sqrt(across + (radius + y) * (radius + y)) + radius);
 }
 
-static void resolve_position(struct work *w)
+bool welkin_set_altitude(double position[3], double radius, double altitude)
+{
+	const double across = position[0] * position[0] + position[2] * position[2], r = radius + altitude;
+	const double up = r * r - across;
+	if (r < 0 || up < 0)
+		return false;
+	/* (R + y)² = r² − x² − z², of which the upper point; y without the cancellation of √(…) − R */
+	position[1] = across == 0 ? altitude : (altitude * (2 * radius + altitude) - across) / (sqrt(up) + radius);
+	return true;
+}
+
+/* Whether two heights mean the same, which they say with as many digits as a client cares to send. */
+static bool same_height(double a, double b)
+{
+	return fabs(a - b) <= 1e-3 + 1e-6 * fmin(fabs(a), fabs(b));
+}
+
+/* From camera.position_m. Its height does not count where one above the ground is given. */
+static void take_position(struct work *w)
 {
 	struct welkin_camera *camera = &w->r->camera;
-	const double radius = w->r->atmosphere.planet_radius_m;
-	if (!given(w, "camera.position_m")) {
-		camera->position_m[0] = camera->position_m[2] = 0;
-		camera->position_m[1] = camera->altitude_m;
-		return;
-	}
-	double altitude = altitude_of(camera->position_m, radius);
+	const double radius = w->r->atmosphere.planet_radius_m, said = camera->altitude_m;
+	const bool above = given(w, "camera.above_ground_m");
+	double altitude = welkin_altitude_of(camera->position_m, radius);
 	if (altitude < 0 && altitude > -1e-3)
 		altitude = 0; /* coordinates of a point on a sphere are never exact */
+	if (altitude < 0 && above && welkin_set_altitude(camera->position_m, radius, 0))
+		altitude = 0;
 	if (altitude < 0)
 		welkin_fault_add(w->faults, 422, "camera.position_m", "on or above the ground",
 			"is %.6g m below the ground", -altitude);
 	else if (altitude > 1e8)
 		welkin_fault_add(w->faults, 422, "camera.position_m", "at most 1e8 m above the ground",
 			"is %.6g m above the ground", altitude);
-	else if (given(w, "camera.altitude_m") && fabs(altitude - camera->altitude_m) > 1e-3 + 1e-6 * altitude)
+	else if (!above && given(w, "camera.altitude_m") && !same_height(altitude, said))
 		welkin_fault_add(w->faults, 422, "camera.altitude_m", "one of the two, or both in agreement",
-			"%.10g m contradicts camera.position_m, which is %.10g m above the ground", camera->altitude_m,
-			altitude);
+			"%.10g m contradicts camera.position_m, which is %.10g m above the ground", said, altitude);
 	camera->altitude_m = altitude;
+}
+
+/* Without a scene the ground is at sea level. said: what camera.altitude_m was, if it was given. */
+static void take_above_sea(struct work *w, double said)
+{
+	struct welkin_camera *camera = &w->r->camera;
+	const double above = camera->above_ground_m;
+	if (above < 0)
+		welkin_fault_add(w->faults, 422, "camera.above_ground_m", "0 to 1e8 m without a scene",
+			"is %.6g m below sea level", -above);
+	else if (given(w, "camera.altitude_m") && !same_height(above, said))
+		welkin_fault_add(w->faults, 422, "camera.above_ground_m", "one of the two, or both in agreement",
+			"%.10g m contradicts camera.altitude_m, %.10g m: there is no scene", above, said);
+	else if (!same_height(above, camera->altitude_m)) {
+		if (!welkin_set_altitude(camera->position_m, w->r->atmosphere.planet_radius_m, above))
+			welkin_fault_add(w->faults, 422, "camera.position_m", "x and z within the planet's radius",
+				"nothing at that x and z is %.10g m above the ground", above);
+		camera->altitude_m = above;
+	}
+	camera->above_ground_m = camera->altitude_m;
+}
+
+static void resolve_position(struct work *w)
+{
+	struct welkin_camera *camera = &w->r->camera;
+	const double said = camera->altitude_m;
+	const bool height = given(w, "camera.position_m") || given(w, "camera.altitude_m");
+	if (given(w, "camera.position_m")) {
+		take_position(w);
+	} else {
+		camera->position_m[0] = camera->position_m[2] = 0;
+		camera->position_m[1] = camera->altitude_m;
+	}
+	if (!given(w, "camera.above_ground_m"))
+		camera->above_ground_m = camera->altitude_m;
+	else if (!w->r->scene.name[0])
+		take_above_sea(w, said);
+	else if (!height) /* until the server has looked how high the scene is there */
+		camera->altitude_m = camera->position_m[1] = fmax(camera->above_ground_m, 0);
+}
+
+static void resolve_scene(struct work *w)
+{
+	struct welkin_scene *scene = &w->r->scene;
+	if (!scene->name[0] || !given(w, "scene.latitude_deg"))
+		scene->latitude_deg = w->r->latitude_deg;
+	if (!scene->name[0] || !given(w, "scene.longitude_deg"))
+		scene->longitude_deg = w->r->longitude_deg;
 }
 
 static void resolve_view(struct work *w)
@@ -162,6 +225,7 @@ static void make_canonical(struct welkin_request *r)
 {
 	r->camera.heading_deg = turn(r->camera.heading_deg);
 	r->sun.azimuth_deg = turn(r->sun.azimuth_deg);
+	r->scene.heading_deg = turn(r->scene.heading_deg);
 	for (int i = 0; i < welkin_field_count; i++) {
 		int n;
 		double *numbers = value_numbers(&welkin_fields[i], r, &n);
@@ -187,6 +251,7 @@ void welkin_resolve(const struct welkin_draft *draft, enum welkin_format format,
 	resolve_size(&w);
 	check_image(&w, format, limits);
 	resolve_sun(&w);
+	resolve_scene(&w);
 	resolve_position(&w);
 	resolve_view(&w);
 	make_canonical(out);

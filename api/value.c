@@ -27,6 +27,8 @@ static size_t value_size(const struct welkin_field *field)
 		return 3 * sizeof(double);
 	case WELKIN_TYPE_TIME:
 		return sizeof(int64_t);
+	case WELKIN_TYPE_NAME:
+		return WELKIN_NAME_SIZE;
 	case WELKIN_TYPE_INT:
 	case WELKIN_TYPE_BOOL:
 	case WELKIN_TYPE_ENUM:
@@ -70,6 +72,10 @@ void value_allowed(const struct welkin_field *field, char *out, size_t size)
 		break;
 	case WELKIN_TYPE_TIME:
 		text_puts(&text, "RFC 3339, such as 2026-06-21T09:00:00+09:00");
+		break;
+	case WELKIN_TYPE_NAME:
+		text_printf(
+			&text, "at most %d of A-Z a-z 0-9 . _ -, the first a letter or digit", WELKIN_NAME_SIZE - 1);
 		break;
 	case WELKIN_TYPE_ENUM:
 		text_puts(&text, "one of ");
@@ -200,6 +206,20 @@ static bool store_time(const struct welkin_field *field, const char *string, str
 	return fault(field, 400, faults, detail);
 }
 
+/* Zeros to the field's end: equal names are equal bytes. */
+static bool store_own_name(const struct welkin_field *field, const char *name, struct welkin_request *request,
+	struct welkin_faults *faults)
+{
+	char detail[100];
+	if (welkin_name_valid(name)) {
+		memset(place(field, request), 0, WELKIN_NAME_SIZE);
+		memcpy(place(field, request), name, strlen(name));
+		return true;
+	}
+	snprintf(detail, sizeof detail, "\"%.40s\" is not a name", name);
+	return fault(field, 422, faults, detail);
+}
+
 /* "1,2,3" into at most three numbers. Returns how many, 0 where it is not that. */
 static int split_numbers(const char *string, double values[3])
 {
@@ -251,6 +271,8 @@ bool value_from_text(const struct welkin_field *field, const char *string, struc
 		return store_flags(field, string, request, faults);
 	case WELKIN_TYPE_TIME:
 		return store_time(field, string, request, faults);
+	case WELKIN_TYPE_NAME:
+		return store_own_name(field, string, request, faults);
 	case WELKIN_TYPE_DOUBLE:
 	case WELKIN_TYPE_INT:
 	case WELKIN_TYPE_VEC3:
@@ -323,6 +345,10 @@ bool value_from_json(const struct welkin_field *field, const cJSON *json, struct
 		if (cJSON_IsString(json))
 			return store_time(field, json->valuestring, request, faults);
 		return fault(field, 400, faults, "is not a string with a date and time");
+	case WELKIN_TYPE_NAME:
+		if (cJSON_IsString(json))
+			return store_own_name(field, json->valuestring, request, faults);
+		return fault(field, 400, faults, "is not a string");
 	case WELKIN_TYPE_VEC3:
 	case WELKIN_TYPE_TRIPLE:
 		return json_vector(field, json, request, faults);
@@ -372,6 +398,9 @@ static void put(const struct welkin_field *field, const struct welkin_request *r
 		text_puts(text, json ? "[" : "");
 		put_flags(field, *(const uint32_t *)from, quote, text);
 		text_puts(text, json ? "]" : "");
+		break;
+	case WELKIN_TYPE_NAME:
+		text_printf(text, "%s%s%s", quote, (const char *)from, quote);
 		break;
 	case WELKIN_TYPE_TIME:
 		welkin_format_time(*(const int64_t *)from, time);

@@ -20,6 +20,9 @@ static size_t message_bytes(int type)
 		return head + sizeof(struct welkin_device);
 	case WELKIN_MSG_METHOD:
 		return head + sizeof(struct welkin_method_check);
+	case WELKIN_MSG_SCENE:
+	case WELKIN_MSG_FORGET:
+		return head + sizeof(struct welkin_scene_note);
 	case WELKIN_MSG_FATAL:
 		return head + sizeof(((struct welkin_message *)0)->text);
 	case WELKIN_MSG_CANCEL:

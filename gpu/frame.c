@@ -29,6 +29,8 @@ static const char *find_fault(const struct welkin_job *job)
 	const struct welkin_image *image = &r->image;
 	if (!in_range(job->kind, WELKIN_JOB_RADIANCE))
 		return "unknown kind of job";
+	if (strnlen(job->scene_key, sizeof job->scene_key) == sizeof job->scene_key)
+		return "the name of the scene has no end";
 	if (!in_range(r->atmosphere.method, welkin_method_count - 1))
 		return "unknown method";
 	if (!in_range(r->atmosphere.steps - 1, 1023) || !in_range(r->atmosphere.light_steps - 1, 1023))
@@ -55,6 +57,14 @@ static bool map_pixels(struct frame *f, int memfd, struct error *err)
 	f->map = map;
 	f->map_size = needed;
 	return true;
+}
+
+static bool hold_scene(struct workspace *ws, struct frame *f, struct error *err)
+{
+	if (!f->job.scene_key[0])
+		return true;
+	f->mesh = scene_store_hold(&ws->scenes, f->job.scene_key);
+	return f->mesh || error_set(err, "the scene %.32s did not arrive", f->job.scene_key);
 }
 
 static void prepare(struct frame *f)
@@ -101,7 +111,8 @@ struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, i
 	f->method = welkin_methods[job->request.atmosphere.method];
 	char file[64];
 	snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
-	if (!map_pixels(f, memfd, err) || !(f->sky = programs_get(ws->programs, file, "", err))) {
+	if (!map_pixels(f, memfd, err) || !hold_scene(ws, f, err) ||
+		!(f->sky = programs_get(ws->programs, file, "", err))) {
 		frame_destroy(ws, f);
 		return NULL;
 	}
@@ -119,6 +130,7 @@ void frame_destroy(struct workspace *ws, struct frame *frame)
 		return;
 	if (ws->bound == frame)
 		ws->bound = NULL;
+	scene_store_release(&ws->scenes, frame->mesh);
 	if (frame->map)
 		munmap(frame->map, frame->map_size);
 	free(frame->samples);

@@ -43,6 +43,7 @@ struct frame {
 	double started_ms; /* clock_ms() */
 	double waits;      /* slices that others got since its last; the renderer's */
 	int tables_noted;
+	const struct mesh_header *mesh; /* of the request's scene, held while the frame lives; NULL: none */
 	struct scene scene;
 	struct plan plan;
 	struct pass_log log;

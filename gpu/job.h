@@ -31,6 +31,7 @@ struct welkin_job {
 	int32_t n_directions, n_wavelengths;
 	int32_t reserved;
 	int64_t deadline_us; /* CLOCK_MONOTONIC; 0: none */
+	char scene_key[33];  /* the mesh of request.scene, which the renderer has been sent before; "": none */
 	struct welkin_request request;
 };
 
@@ -80,6 +81,9 @@ enum welkin_message_type {
 	WELKIN_MSG_FATAL,  /* renderer → server: it can't start or lost its context; it exits after this */
 	WELKIN_MSG_PONG,   /* renderer → server; also sent unasked at least every 200 ms while it works */
 	WELKIN_MSG_RESULT, /* renderer → server: exactly one for each job */
+	WELKIN_MSG_SCENE, /* server → renderer, with the memfd of a mesh (gpu/mesh.h), sealed: jobs may name it from now
+			   * on */
+	WELKIN_MSG_FORGET, /* server → renderer: no further job will name that scene, unless it is sent again */
 	WELKIN_MSG_METHOD, /* renderer → server, before READY: an operator's method is about to be checked, or has been
 			    */
 };
@@ -92,6 +96,10 @@ struct welkin_method_check {
 	char reason[400];
 };
 
+struct welkin_scene_note {
+	char key[33];
+};
+
 struct welkin_message {
 	int32_t type; /* enum welkin_message_type */
 	int32_t reserved;
@@ -101,6 +109,7 @@ struct welkin_message {
 		struct welkin_result result;
 		struct welkin_device device;
 		struct welkin_method_check check;
+		struct welkin_scene_note scene;
 		char text[1024];
 	};
 };

@@ -117,6 +117,19 @@ static void cancel(struct renderer *r, uint64_t id)
 		}
 }
 
+static void accept_scene(struct renderer *r, const struct welkin_scene_note *note, int memfd)
+{
+	struct error err = { "" };
+	if (!scene_store_add(&r->ws.scenes, memfd, &err)) /* the jobs that name it will fail */
+		fprintf(stderr, "welkin renderer: scene %.32s: %s\n", note->key, err.text);
+}
+
+static void forget_scene(struct renderer *r, struct welkin_scene_note note)
+{
+	note.key[sizeof note.key - 1] = 0;
+	scene_store_forget(&r->ws.scenes, note.key);
+}
+
 static void handle(struct renderer *r, const struct welkin_message *message, int memfd)
 {
 	switch (message->type) {
@@ -125,6 +138,12 @@ static void handle(struct renderer *r, const struct welkin_message *message, int
 		break;
 	case WELKIN_MSG_CANCEL:
 		cancel(r, message->id);
+		break;
+	case WELKIN_MSG_SCENE:
+		accept_scene(r, &message->scene, memfd);
+		break;
+	case WELKIN_MSG_FORGET:
+		forget_scene(r, message->scene);
 		break;
 	case WELKIN_MSG_PING:
 		send_bare(r, WELKIN_MSG_PONG, message->id);

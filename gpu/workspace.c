@@ -36,6 +36,7 @@ void workspace_finish(struct workspace *ws)
 		&ws->spectral_T };
 	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
 		release(buffers[i]);
+	scene_store_finish(&ws->scenes);
 	tables_destroy(ws->tables);
 	passes_destroy(ws->passes);
 	programs_destroy(ws->programs);

@@ -5,6 +5,7 @@
 #include "gpu/device.h"
 #include "gpu/passes.h"
 #include "gpu/program.h"
+#include "gpu/scene_store.h"
 #include "gpu/tables.h"
 
 #include <stddef.h>
@@ -36,6 +37,7 @@ struct workspace {
 	struct programs *programs;
 	struct passes *passes;
 	struct frame_tables *tables;
+	struct scene_store scenes;
 	double slice_ms;
 	int strip_pixels;                                       /* most pixels in a strip */
 	struct buffer rays, radiance, inscatter, transmittance; /* device only */

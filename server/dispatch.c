@@ -96,7 +96,7 @@ void dispatch_hand_out(struct service *s, struct settled *settled)
 		}
 		r->sent_us = clock_us();
 		/* When the renderer has just died the send fails, and `lost` answers for this render too. */
-		supervisor_send_job(s->supervisor, &r->job, r->buffer->fd);
+		supervisor_send_job(s->supervisor, &r->job, r->buffer->fd, NULL);
 	}
 }
 

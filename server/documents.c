@@ -40,7 +40,7 @@ static const char *type_of(const char *name)
 /* ---- /v1/methods ---- */
 
 static const char *const type_names[] = { "number", "integer", "boolean", "enum", "flags", "vector", "triple", "time",
-	"seed" };
+	"seed", "name" };
 
 static void add_member(struct text *text, const char *name, const char *value)
 {
@@ -78,7 +78,7 @@ static void add_field(struct text *text, const char *name)
 				text_json_string(text, f->names[n]);
 			}
 			text_puts(text, "]");
-		} else if (f->type != WELKIN_TYPE_BOOL && f->type != WELKIN_TYPE_TIME) {
+		} else if (f->type != WELKIN_TYPE_BOOL && f->type != WELKIN_TYPE_TIME && f->type != WELKIN_TYPE_NAME) {
 			add_range(text, f->min, f->max);
 		}
 	}

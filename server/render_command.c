@@ -337,7 +337,7 @@ static bool render(const struct command *command, struct run *run)
 	if (!wait_for(run, &run->ready))
 		return false;
 	const int64_t sent_us = clock_us();
-	if (!supervisor_send_job(run->supervisor, &run->product->job, run->buffer->fd))
+	if (!supervisor_send_job(run->supervisor, &run->product->job, run->buffer->fd, NULL))
 		on_lost(run, "it does not take the job", true);
 	const bool done = wait_for(run, &run->done);
 	run->product->wall_ms = fmax(clock_ms_between(sent_us, clock_us()), 0.001);

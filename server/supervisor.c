@@ -26,15 +26,24 @@ enum {
 	FIRST_BACKOFF_MS = 50,
 	LAST_BACKOFF_MS = 10000,
 	STABLE_MS = 30000,
+	SCENES_SENT_MAX = 64,
 	TICK_MS = 100
+};
+
+/* A scene that the present renderer has. */
+struct sent_scene {
+	char key[33];
+	size_t bytes;
 };
 
 struct supervisor {
 	struct supervisor_config config;
 	pthread_t thread;
-	pthread_mutex_t lock; /* of fd and ready: a sender never meets a closed or reused descriptor */
+	pthread_mutex_t lock; /* of what follows: a sender never meets a closed or reused descriptor */
 	int fd;               /* -1: no renderer */
 	bool ready;
+	struct sent_scene scenes[SCENES_SENT_MAX]; /* the one used last stands last */
+	int n_scenes;
 	atomic_int pid;
 	int wake_fd;
 	atomic_bool stopping, condemned;
@@ -115,6 +124,7 @@ static bool start_renderer(struct supervisor *s, struct error *err)
 	pthread_mutex_lock(&s->lock);
 	s->fd = pair[0];
 	s->ready = false;
+	s->n_scenes = 0;
 	s->condemned = false;
 	pthread_mutex_unlock(&s->lock);
 	log_event(LEVEL_INFO, "renderer_started", "pid=%d", (int)pid);
@@ -342,19 +352,74 @@ struct supervisor *supervisor_start(const struct supervisor_config *config, stru
 	return s;
 }
 
-static bool send_locked(struct supervisor *s, const struct welkin_message *message, int fd)
+/* With the lock held. */
+static bool send_message(struct supervisor *s, const struct welkin_message *message, int fd)
 {
 	struct error err;
+	return s->ready && welkin_send(s->fd, message, fd, &err);
+}
+
+static bool send_locked(struct supervisor *s, const struct welkin_message *message, int fd)
+{
 	pthread_mutex_lock(&s->lock);
-	const bool sent = s->ready && welkin_send(s->fd, message, fd, &err);
+	const bool sent = send_message(s, message, fd);
 	pthread_mutex_unlock(&s->lock);
 	return sent;
 }
 
-bool supervisor_send_job(struct supervisor *s, const struct welkin_job *job, int memfd)
+/* ---- scenes: all with the lock held ---- */
+
+static bool send_scene_note(struct supervisor *s, enum welkin_message_type type, const char key[33], int memfd)
+{
+	struct welkin_message message = { .type = (int32_t)type };
+	memcpy(message.scene.key, key, sizeof message.scene.key);
+	return send_message(s, &message, memfd);
+}
+
+static void take_out(struct supervisor *s, int i)
+{
+	s->n_scenes--;
+	memmove(s->scenes + i, s->scenes + i + 1, (size_t)(s->n_scenes - i) * sizeof *s->scenes);
+}
+
+/* Makes room for that many bytes. */
+static bool forget_scenes(struct supervisor *s, size_t bytes)
+{
+	size_t held = 0;
+	for (int i = 0; i < s->n_scenes; i++)
+		held += s->scenes[i].bytes;
+	while (s->n_scenes && (s->n_scenes == SCENES_SENT_MAX || held + bytes > s->config.scene_bytes)) {
+		held -= s->scenes[0].bytes;
+		if (!send_scene_note(s, WELKIN_MSG_FORGET, s->scenes[0].key, -1))
+			return false;
+		take_out(s, 0);
+	}
+	return true;
+}
+
+static bool send_scene(struct supervisor *s, const char key[33], const struct supervisor_scene *scene)
+{
+	struct sent_scene entry = { .bytes = scene->bytes };
+	memcpy(entry.key, key, sizeof entry.key);
+	int i = 0;
+	while (i < s->n_scenes && strcmp(s->scenes[i].key, key))
+		i++;
+	if (i < s->n_scenes)
+		take_out(s, i); /* and last again */
+	else if (!forget_scenes(s, scene->bytes) || !send_scene_note(s, WELKIN_MSG_SCENE, key, scene->memfd))
+		return false;
+	s->scenes[s->n_scenes++] = entry;
+	return true;
+}
+
+bool supervisor_send_job(
+	struct supervisor *s, const struct welkin_job *job, int memfd, const struct supervisor_scene *scene)
 {
 	struct welkin_message message = { .type = WELKIN_MSG_JOB, .id = job->id, .job = *job };
-	return send_locked(s, &message, memfd);
+	pthread_mutex_lock(&s->lock);
+	const bool sent = (!scene || send_scene(s, job->scene_key, scene)) && send_message(s, &message, memfd);
+	pthread_mutex_unlock(&s->lock);
+	return sent;
 }
 
 void supervisor_cancel(struct supervisor *s, uint64_t id)

@@ -17,10 +17,11 @@ struct supervisor_config {
 	const char *program; /* "": this binary */
 	const char *device, *shader_dir;
 	double slice_ms, table_mib;
-	bool cold;         /* without the warm-up: it is for whoever asks many times */
-	int methods_fd;    /* operator_methods_bundle(); stays the caller's; -1: no methods of the operator's */
-	double watchdog_s; /* silence after which a renderer is killed */
-	double startup_s;  /* the same before it is ready */
+	size_t scene_bytes; /* of meshes that the renderer may keep; the one in use is kept whatever its size */
+	bool cold;          /* without the warm-up: it is for whoever asks many times */
+	int methods_fd;     /* operator_methods_bundle(); stays the caller's; -1: no methods of the operator's */
+	double watchdog_s;  /* silence after which a renderer is killed */
+	double startup_s;   /* the same before it is ready */
 
 	/* All run on the supervisor's thread, one at a time, without locks of the supervisor. */
 	void (*ready)(void *cls, const struct welkin_device *device);
@@ -34,8 +35,17 @@ struct supervisor_config {
 
 struct supervisor *supervisor_start(const struct supervisor_config *config, struct error *err);
 
-/* From any thread. false when no renderer is there to take it. */
-bool supervisor_send_job(struct supervisor *supervisor, const struct welkin_job *job, int memfd);
+/* The mesh that a job's scene_key names. */
+struct supervisor_scene {
+	int memfd; /* sealed; stays the caller's */
+	size_t bytes;
+};
+
+/* From any thread. false when no renderer is there to take it. scene: NULL where the job has no scene. It goes to the
+ * renderer first, unless this renderer has it; what was used longest ago is forgotten where memory for scenes runs
+ * out. */
+bool supervisor_send_job(
+	struct supervisor *supervisor, const struct welkin_job *job, int memfd, const struct supervisor_scene *scene);
 void supervisor_cancel(struct supervisor *supervisor, uint64_t id);
 
 /* Kills the renderer and starts another, as if it had been silent. From any thread. */

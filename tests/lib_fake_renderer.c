@@ -1,5 +1,6 @@
 #include "tests/lib_fake_renderer.h"
 #include "gpu/channel.h"
+#include "gpu/mesh.h"
 
 #include <math.h>
 #include <signal.h>
@@ -7,10 +8,11 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
-enum { JOBS_MAX = 64, SLICE_MS = 5, PONG_MS = 100 };
+enum { JOBS_MAX = 64, SCENES_MAX = 128, SLICE_MS = 5, PONG_MS = 100 };
 
 struct fake_job {
 	struct welkin_job job;
@@ -24,6 +26,8 @@ struct fake {
 	struct fake_job jobs[JOBS_MAX];
 	int n;
 	double ponged_ms;
+	char scenes[SCENES_MAX][33];
+	int n_scenes;
 };
 
 static double now_ms(void)
@@ -96,11 +100,21 @@ static void finish(struct fake *fake, int i, int status)
 	send_or_exit(fake, &message);
 }
 
+static int find_scene(const struct fake *fake, const char *key)
+{
+	int i = 0;
+	while (i < fake->n_scenes && strcmp(fake->scenes[i], key))
+		i++;
+	return i;
+}
+
 static void take_job(struct fake *fake, const struct welkin_job *job, int memfd)
 {
 	const uint32_t seed = job->request.seed;
 	if (seed == FAKE_CRASH || fake->n == JOBS_MAX || memfd < 0)
 		_exit(3);
+	if (job->scene_key[0] && find_scene(fake, job->scene_key) == fake->n_scenes)
+		_exit(9);
 	if (seed == FAKE_HANG)
 		for (;;)
 			pause();
@@ -111,8 +125,33 @@ static void take_job(struct fake *fake, const struct welkin_job *job, int memfd)
 		fake->jobs[fake->n - 1].left_ms = INFINITY;
 }
 
+/* The server has to keep count of what is here: never the same twice, never without the mesh, never forgotten
+ * unsent. */
+static void take_scene(struct fake *fake, const struct welkin_message *message, int memfd)
+{
+	const struct mesh_header *mesh;
+	const int i = find_scene(fake, message->scene.key);
+	if (message->type == WELKIN_MSG_FORGET) {
+		if (i == fake->n_scenes)
+			_exit(6);
+		memcpy(fake->scenes[i], fake->scenes[--fake->n_scenes], sizeof fake->scenes[i]);
+		return;
+	}
+	struct stat st;
+	if (i < fake->n_scenes || i == SCENES_MAX || memfd < 0 || fstat(memfd, &st))
+		_exit(7);
+	mesh = mmap(NULL, (size_t)st.st_size, PROT_READ, MAP_SHARED, memfd, 0);
+	if (mesh == MAP_FAILED || !mesh_valid(mesh, (size_t)st.st_size) || strcmp(mesh->key, message->scene.key))
+		_exit(8);
+	munmap((void *)mesh, (size_t)st.st_size);
+	memcpy(fake->scenes[fake->n_scenes++], message->scene.key, sizeof fake->scenes[0]);
+	close(memfd);
+}
+
 static void take_message(struct fake *fake, const struct welkin_message *message, int memfd)
 {
+	if (message->type == WELKIN_MSG_SCENE || message->type == WELKIN_MSG_FORGET)
+		take_scene(fake, message, memfd);
 	if (message->type == WELKIN_MSG_JOB)
 		take_job(fake, &message->job, memfd);
 	if (message->type == WELKIN_MSG_PING)

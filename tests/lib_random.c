@@ -1,6 +1,7 @@
 #include "tests/lib_random.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 uint64_t random_bits(uint64_t *state)
@@ -81,6 +82,9 @@ static void random_value(uint64_t *state, const struct welkin_field *field, stru
 	case WELKIN_TYPE_SEED:
 		*(uint32_t *)to = (uint32_t)random_bits(state);
 		break;
+	case WELKIN_TYPE_NAME:
+		snprintf(to, WELKIN_NAME_SIZE, "%.*s", random_below(state, 9), "a-B_3.xY");
+		break;
 	}
 }
 
@@ -105,6 +109,15 @@ static void mend_image(uint64_t *state, struct welkin_draft *draft)
 	}
 	if (projection == WELKIN_PERSPECTIVE && *given(draft, "camera.fov_deg") && draft->request.camera.fov_deg > 179)
 		draft->request.camera.fov_deg = 179;
+}
+
+/* What is above the ground is so by altitude or position as well; without a scene both have to say the same. */
+static void mend_above_ground(struct welkin_draft *draft)
+{
+	if (!*given(draft, "camera.above_ground_m") || (*given(draft, "scene.name") && draft->request.scene.name[0]))
+		return;
+	*given(draft, "camera.altitude_m") = *given(draft, "camera.position_m") = 0;
+	draft->request.camera.above_ground_m = fabs(draft->request.camera.above_ground_m);
 }
 
 /* A position anywhere on a shell of a random altitude, instead of one that is mostly underground. */
@@ -135,4 +148,5 @@ void random_request(uint64_t *state, struct welkin_draft *draft)
 	}
 	mend_image(state, draft);
 	mend_position(state, draft);
+	mend_above_ground(draft);
 }

@@ -22,6 +22,8 @@ static size_t size_of(const struct welkin_field *field)
 	case WELKIN_TYPE_VEC3:
 	case WELKIN_TYPE_TRIPLE:
 		return 24;
+	case WELKIN_TYPE_NAME:
+		return WELKIN_NAME_SIZE;
 	default:
 		return 4;
 	}

@@ -387,7 +387,7 @@ static void test_canonical_json(void **state)
 	assert_non_null(strstr(json, "\"time\":\"2026-06-21T00:00:00Z\""));
 	assert_non_null(strstr(json, "\"rayleigh\":{\"scattering_per_m\":[5.802339381712382e-6,"));
 	cJSON *tree = cJSON_Parse(json);
-	assert_int_equal(cJSON_GetArraySize(tree), 11); /* eight groups, time, place and seed: each once */
+	assert_int_equal(cJSON_GetArraySize(tree), 12); /* ten groups, time and seed: each once */
 	cJSON_Delete(tree);
 	free(json);
 }

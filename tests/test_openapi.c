@@ -130,8 +130,8 @@ static void test_every_field_is_described(void **state)
 					cJSON_IsString(name) && !strcmp(name->valuestring, f->names[n]);
 				assert_true(found);
 			}
-		assert_int_equal(
-			!!cJSON_GetObjectItem(schema, "default"), f->default_text[0] || f->type == WELKIN_TYPE_FLAGS);
+		assert_int_equal(!!cJSON_GetObjectItem(schema, "default"),
+			f->default_text[0] || f->type == WELKIN_TYPE_FLAGS || f->type == WELKIN_TYPE_NAME);
 		assert_int_equal(
 			!!cJSON_GetObjectItem(schema, "default") + !!cJSON_GetObjectItem(schema, "x-default"), 1);
 		check_in_request(f);

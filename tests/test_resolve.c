@@ -258,6 +258,50 @@ static void test_faults_stop_resolving(void **state)
 	assert_int_equal(faults.n, 1);
 }
 
+static void test_height_above_the_ground(void **state)
+{
+	(void)state;
+	/* Without a scene that is height above sea level. */
+	struct welkin_request r = resolved("camera.above_ground_m=250");
+	assert_true(r.camera.altitude_m == 250 && r.camera.position_m[1] == 250 && r.camera.above_ground_m == 250);
+	r = resolved("camera.altitude_m=4e5");
+	assert_true(r.camera.above_ground_m == 4e5);
+	r = resolved("camera.position_m=1e4,-9,0&camera.above_ground_m=5"); /* x and z count, y follows */
+	assert_true(r.camera.altitude_m == 5 && r.camera.position_m[0] == 1e4);
+	assert_true(fabsl(welkin_altitude_of(r.camera.position_m, 6360e3) - 5) < 1e-6);
+	assert_true(fabs(r.camera.position_m[1] - (5 - 7.8616)) < 1e-3);
+	check_fault("camera.above_ground_m=-1", WELKIN_PNG, "camera.above_ground_m");
+	check_fault("camera.above_ground_m=5&camera.altitude_m=6", WELKIN_PNG, "camera.above_ground_m");
+	check_fault("camera.position_m=1e8,0,0&camera.above_ground_m=5", WELKIN_PNG, "camera.position_m");
+	/* With one, what was given stands until its surface is known. */
+	r = resolved("scene.name=hill&camera.above_ground_m=5&camera.altitude_m=600");
+	assert_true(r.camera.altitude_m == 600 && r.camera.above_ground_m == 5);
+	r = resolved("scene.name=hill&camera.above_ground_m=-7");
+	assert_true(r.camera.altitude_m == 0 && r.camera.above_ground_m == -7);
+}
+
+static void test_scenes(void **state)
+{
+	(void)state;
+	struct welkin_request r = resolved("scene.name=Alps.2_a-b&place.latitude_deg=47&scene.scale=0.5");
+	assert_string_equal(r.scene.name, "Alps.2_a-b");
+	assert_true(r.scene.latitude_deg == 47 && r.scene.longitude_deg == 138.7274 && r.scene.scale == 0.5);
+	r = resolved("scene.name=a&scene.latitude_deg=-3&scene.heading_deg=-90");
+	assert_true(r.scene.latitude_deg == -3 && r.scene.heading_deg == 270);
+	/* Where there is no scene, nothing is said of it. */
+	const struct welkin_request none = resolved("");
+	r = resolved("scene.latitude_deg=-3&scene.scale=0.5&scene.name=");
+	assert_memory_equal(&r, &none, sizeof r);
+	static const char *const bad[] = { ".", "..", "-a", "_a", "a/b", "a b", "%C3%A4",
+		"a123456789a123456789a123456789a123456789a123456789a123456789a123" };
+	for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+		char query[128];
+		snprintf(query, sizeof query, "scene.name=%s", bad[i]);
+		check_fault(query, WELKIN_PNG, "scene.name");
+	}
+	resolved("scene.name=a123456789a123456789a123456789a123456789a123456789a123456789a12");
+}
+
 /* Resolving what was resolved changes nothing, and all of it is finite. */
 static void test_resolving_twice_is_resolving_once(void **state)
 {
@@ -328,6 +372,8 @@ int main(void)
 		cmocka_unit_test(test_position_and_altitude),
 		cmocka_unit_test(test_equal_requests_are_equal_bytes),
 		cmocka_unit_test(test_faults_stop_resolving),
+		cmocka_unit_test(test_height_above_the_ground),
+		cmocka_unit_test(test_scenes),
 		cmocka_unit_test(test_resolving_twice_is_resolving_once),
 		cmocka_unit_test(test_keys),
 	};
