@@ -17,7 +17,7 @@ ifneq ($(filter default undefined,$(origin CC)),)
 CC := gcc
 endif
 
-BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR libsystemd inih libcjson
+BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR libsystemd inih libcjson assimp libarchive libseccomp nettle
 TEST_PKGS  := cmocka libcurl gsl
 
 WARN   := -Wall -Wextra -Werror -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith -Wvla \
@@ -135,9 +135,10 @@ fuzz-smoke:
 
 # ---- two commands ----
 RUN_DEPS   := build-essential pkg-config libmicrohttpd-dev libepoxy-dev libegl-dev libgl1-mesa-dri libegl-mesa0 libpng-dev \
-              libdeflate-dev libopenexr-dev libnova-dev libsystemd-dev libinih-dev libcjson-dev
+              libdeflate-dev libopenexr-dev libnova-dev libsystemd-dev libinih-dev libcjson-dev \
+              libassimp-dev libarchive-dev libseccomp-dev nettle-dev
 CHECK_DEPS := $(RUN_DEPS) git curl libcmocka-dev libcurl4-openssl-dev libgsl-dev gnuplot-nox clang libclang-rt-14-dev clang-format \
-              cppcheck glslang-tools openexr pngcheck prometheus chromium chromium-driver python3-jsonschema \
+              assimp-testmodels zip cppcheck glslang-tools openexr pngcheck prometheus chromium chromium-driver python3-jsonschema \
               openapi-specification python3-yaml python3-requests haproxy varnish systemd
 
 # Installs what is missing of the named packages; without root or sudo it prints the line to type.

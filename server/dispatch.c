@@ -67,6 +67,7 @@ void dispatch_drop(struct render *r, bool keep_buffer)
 	else
 		buffer_destroy(r->buffer);
 	product_unref(r->product);
+	scene_mesh_unref(r->scene);
 	free(r);
 }
 
@@ -94,9 +95,12 @@ void dispatch_hand_out(struct service *s, struct settled *settled)
 			dispatch_drop(r, true);
 			continue;
 		}
+		const struct supervisor_scene scene =
+			r->scene ? (struct supervisor_scene){ scene_mesh_fd(r->scene), scene_mesh_bytes(r->scene) }
+				 : (struct supervisor_scene){ 0 };
 		r->sent_us = clock_us();
 		/* When the renderer has just died the send fails, and `lost` answers for this render too. */
-		supervisor_send_job(s->supervisor, &r->job, r->buffer->fd, NULL);
+		supervisor_send_job(s->supervisor, &r->job, r->buffer->fd, r->scene ? &scene : NULL);
 	}
 }
 
@@ -337,7 +341,7 @@ static bool probe_request(struct welkin_request *request)
 	const struct welkin_limits limits = { 1e9 };
 	static const char query[] = "image.width=16&image.height=8";
 	welkin_parse_query(&draft, query, sizeof query - 1, &faults);
-	domain_resolve(&draft, WELKIN_PNG, &limits, 0, request, &faults);
+	domain_resolve(&draft, WELKIN_PNG, &limits, 0, NULL, request, &faults);
 	if (faults.n)
 		log_event(LEVEL_ERROR, "probe_invalid", "field=%s detail=\"%s\"", faults.list[0].field,
 			faults.list[0].detail);
@@ -372,5 +376,5 @@ void dispatch_on_tick(void *cls)
 	}
 	struct welkin_request request;
 	if (probe && probe_request(&request))
-		service_submit(s, &s->probe, &request, NULL, NULL);
+		service_submit(s, &s->probe, &request, NULL, NULL, NULL);
 }

@@ -24,6 +24,7 @@ struct render {
 	struct service *service;
 	struct welkin_job job;
 	struct buffer *buffer;
+	struct scene_mesh *scene; /* one reference; NULL: none */
 	struct ticket *tickets;
 	struct product *product; /* once it is being encoded */
 	char key[33];            /* "": neither cached nor joined */
@@ -40,6 +41,7 @@ struct service {
 	struct buffer_pool buffers;
 	struct workers *workers;
 	struct supervisor *supervisor;
+	struct scenes *scenes; /* NULL: none; for its gauges */
 	uint64_t last_id;
 	bool refusing;
 

@@ -45,10 +45,26 @@ void domain_check(const struct welkin_request *request, struct welkin_faults *fa
 	}
 }
 
-void domain_resolve(const struct welkin_draft *draft, enum welkin_format format, const struct welkin_limits *limits,
-	double samples, struct welkin_request *out, struct welkin_faults *faults)
+/* The name of a scene that nobody could load stays a fault, whoever forgot to look. */
+static void resolve_scene(const struct welkin_draft *draft, const struct scene_mesh *mesh, struct welkin_request *out,
+	struct welkin_faults *faults)
 {
-	welkin_resolve(draft, format, limits, out, faults);
+	if (mesh)
+		scenes_resolve(mesh, draft, out, faults);
+	else if (out->scene.name[0])
+		welkin_fault_add(
+			faults, 422, "scene.name", "see /v1/scenes", "there is no scene \"%s\"", out->scene.name);
+}
+
+void domain_resolve(const struct welkin_draft *draft, enum welkin_format format, const struct welkin_limits *limits,
+	double samples, const struct scene_mesh *mesh, struct welkin_request *out, struct welkin_faults *faults)
+{
+	struct welkin_draft completed = *draft;
+	if (mesh)
+		scenes_complete(mesh, &completed);
+	welkin_resolve(&completed, format, limits, out, faults);
+	if (!faults->n)
+		resolve_scene(draft, mesh, out, faults);
 	if (faults->n)
 		return;
 	const struct choose_terms terms = { .steps = draft->given[welkin_field_find("atmosphere.steps")],

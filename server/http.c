@@ -63,6 +63,7 @@ static void end_call(void *cls, struct MHD_Connection *mhd, void **context, enum
 		metrics_requests(-1);
 	}
 	product_unref(call->ticket.product);
+	scene_mesh_unref(call->scene.mesh);
 	free(text_take(&call->body));
 	free(call->path);
 	free(call->query);
@@ -152,12 +153,36 @@ static void find_resource(struct call *call)
 	call->resource = call->file ? page : NULL;
 }
 
+/* Bytes that the body of a request to that resource may have. */
+static size_t body_limit(const struct call *call)
+{
+	const struct options *o = call->http->options;
+	const bool upload = call->resource && call->resource->counted_as == RESOURCE_SCENES;
+	return upload ? (size_t)o->upload_mib << 20 : (size_t)o->max_body_kib << 10;
+}
+
+static bool type_is_taken(const struct call *call, char *detail, size_t size)
+{
+	static const char *const json[] = { "application/json", NULL };
+	const char *type = call_header(call, "Content-Type"), *coding = call_header(call, "Content-Encoding");
+	const char *const *types = call->resource->types ? call->resource->types : json;
+	const bool plain = !coding || !strcasecmp(coding, "identity");
+	for (int i = 0; plain && types[i]; i++)
+		if (media_type_is(type, types[i]))
+			return true;
+	int n = snprintf(detail, size, "The body must be ");
+	for (int i = 0; types[i] && n < (int)size; i++)
+		n += snprintf(detail + n, size - (size_t)n, "%s%s", i ? " or " : "", types[i]);
+	if (n < (int)size)
+		snprintf(detail + n, size - (size_t)n, ", without a content coding.");
+	return false;
+}
+
 /* The reply that headers alone decide, before any body is read; 0 for none. */
-static int early_status(const struct call *call, const char **detail)
+static int early_status(struct call *call, const char **detail)
 {
 	const struct http *http = call->http;
 	const char *length = call_header(call, "Content-Length");
-	const char *type = call_header(call, "Content-Type"), *coding = call_header(call, "Content-Encoding");
 	if (atomic_load(&http->draining)) {
 		*detail = "The server is shutting down.";
 		return 503;
@@ -166,7 +191,7 @@ static int early_status(const struct call *call, const char **detail)
 		*detail = "The request target is longer than 16384 bytes; POST takes the same fields as JSON.";
 		return 414;
 	}
-	if (length && strtoull(length, NULL, 10) > (unsigned long long)http->options->max_body_kib * 1024) {
+	if (length && strtoull(length, NULL, 10) > body_limit(call)) {
 		*detail = "The request body is too large.";
 		return 413;
 	}
@@ -180,9 +205,12 @@ static int early_status(const struct call *call, const char **detail)
 		*detail = "This resource does not have that method.";
 		return 405;
 	}
-	if (call->verb == VERB_POST &&
-		(!media_type_is(type, "application/json") || (coding && strcasecmp(coding, "identity")))) {
-		*detail = "The body must be application/json, without a content coding.";
+	if (call->verb == VERB_POST && call->resource->counted_as == RESOURCE_SCENES && !http->options->uploads) {
+		*detail = "This server takes no uploads; its operator would have to start it with --uploads.";
+		return 403;
+	}
+	if (call->verb == VERB_POST && !type_is_taken(call, call->scene.fault, sizeof call->scene.fault)) {
+		*detail = call->scene.fault;
 		return 415;
 	}
 	return 0;
@@ -221,7 +249,7 @@ static enum MHD_Result first_look(struct call *call, const char *method, const c
 
 static enum MHD_Result take_body(struct call *call, const char *data, size_t size)
 {
-	const size_t limit = (size_t)call->http->options->max_body_kib * 1024;
+	const size_t limit = body_limit(call);
 	if (call->verb == VERB_POST && call->body.length + size <= limit && !call->dropped)
 		text_append(&call->body, data, size);
 	else
@@ -233,7 +261,7 @@ static enum MHD_Result take_body(struct call *call, const char *data, size_t siz
 static enum MHD_Result answer(struct call *call)
 {
 	begin_answer(call);
-	if (call->body.length + call->dropped > (size_t)call->http->options->max_body_kib * 1024)
+	if (call->body.length + call->dropped > body_limit(call))
 		return reply_problem(call, 413, "The request body is too large.", NULL, 0);
 	if (call->body.failed)
 		return reply_problem(call, 503, "There is no memory for this request at the moment.", NULL, 1);
@@ -260,6 +288,10 @@ static enum MHD_Result handle(void *cls, struct MHD_Connection *mhd, const char 
 	}
 	if (!call->ready)
 		return answer(call);
+	if (call->paused) {
+		call->paused = false;
+		return call->resource->answer(call);
+	}
 	if (call->waiting) {
 		call->waiting = false;
 		connection_unwatch(call->http->connections, call->connection);
@@ -282,8 +314,31 @@ enum MHD_Result call_submit(struct call *call, const struct welkin_photometer *p
 	/* Suspended first: the ticket may be done, and the connection resumed, before submit returns. */
 	MHD_suspend_connection(call->mhd);
 	connection_watch(call->http->connections, call->connection, &call->ticket);
-	service_submit(call->http->service, &call->ticket, &call->request, call->keyed ? call->key : NULL, photometer);
+	service_submit(call->http->service, &call->ticket, &call->request, call->keyed ? call->key : NULL, photometer,
+		call->scene.mesh);
 	return MHD_YES;
+}
+
+static void wake_paused(struct scenes_waiter *waiter)
+{
+	struct call *call = waiter->cls;
+	MHD_resume_connection(call->mhd);
+}
+
+void call_pause(struct call *call)
+{
+	const struct options *o = call->http->options;
+	call->paused = true;
+	call->scene.done = wake_paused;
+	call->scene.cls = call;
+	/* Reading scenes has deadlines of its own. */
+	connection_deadline(call->http->connections, call->connection, o->deadline_s + 2 * o->loader_s, false);
+	MHD_suspend_connection(call->mhd);
+}
+
+void call_unpause(struct call *call)
+{
+	MHD_resume_connection(call->mhd);
 }
 
 const char *call_header(const struct call *call, const char *name)
@@ -311,8 +366,8 @@ static void library_log(void *cls, const char *format, va_list args)
 	log_event(LEVEL_DEBUG, "microhttpd", "message=\"%s\"", line);
 }
 
-struct http *http_start(const struct options *options, struct service *service, struct documents *documents,
-	int listen_fd, struct error *err)
+struct http *http_start(const struct options *options, struct service *service, struct scenes *scenes,
+	struct documents *documents, int listen_fd, struct error *err)
 {
 	struct http *http = calloc(1, sizeof *http);
 	if (!http) {
@@ -322,6 +377,7 @@ struct http *http_start(const struct options *options, struct service *service, 
 	}
 	http->options = options;
 	http->service = service;
+	http->scenes = scenes;
 	http->documents = documents;
 	http->listen_fd = listen_fd;
 	http->connections = connections_start(service, err);

@@ -25,7 +25,8 @@ struct resource {
 	enum metrics_resource counted_as;
 	/* Answers (reply_…) or suspends (call_submit). Once the body is complete. */
 	enum MHD_Result (*answer)(struct call *call);
-	int argument; /* the resource's own */
+	int argument;             /* the resource's own */
+	const char *const *types; /* of a POST's body, NULL-terminated; NULL: application/json */
 };
 
 /* One request, from its request line to its end. */
@@ -44,6 +45,10 @@ struct call {
 	bool closes;       /* the connection must end with this reply */
 	int64_t received_us;
 
+	/* The scene it asks for, or uploads */
+	struct scenes_waiter scene;
+	bool scene_asked, paused;
+
 	/* Renders */
 	struct ticket ticket;
 	struct welkin_request request;
@@ -54,6 +59,7 @@ struct call {
 struct http {
 	const struct options *options;
 	struct service *service;
+	struct scenes *scenes;
 	struct documents *documents;
 	struct connections *connections;
 	struct MHD_Daemon *daemon;
@@ -63,17 +69,23 @@ struct http {
 };
 
 /* Takes the listening socket over, on success and on failure. */
-struct http *http_start(const struct options *options, struct service *service, struct documents *documents,
-	int listen_fd, struct error *err);
+struct http *http_start(const struct options *options, struct service *service, struct scenes *scenes,
+	struct documents *documents, int listen_fd, struct error *err);
 /* Stops accepting; requests on open connections get 503 from now on. */
 void http_quiesce(struct http *http);
 /* Requests being answered. */
 int http_answering(struct http *http);
-/* After service_refuse(), so that nothing stays suspended. NULL is fine. */
+/* After service_refuse() and scenes_refuse(), so that nothing stays suspended. NULL is fine. */
 void http_stop(struct http *http);
 
 /* Suspends the call until its render is there; then reply_ticket() runs. */
 enum MHD_Result call_submit(struct call *call, const struct welkin_photometer *photometer);
+
+/* Suspends the call until call->scene is told, then has its resource answer again. To be called before whoever tells
+ * knows of it. */
+void call_pause(struct call *call);
+/* The other way round, where it was told at once. */
+void call_unpause(struct call *call);
 
 const char *call_header(const struct call *call, const char *name);
 

@@ -1,5 +1,6 @@
 #include "api/api.h"
 #include "gpu/renderer.h"
+#include "server/loader.h"
 #include "server/methods.h"
 #include "server/options.h"
 #include "server/render.h"
@@ -82,6 +83,8 @@ int main(int argc, char **argv)
 		return serve_command(argc - 2, argv + 2);
 	if (!strcmp(command, "render"))
 		return welkin_render_command(argc - 1, argv + 1);
+	if (!strcmp(command, "loader"))
+		loader_command(argc - 1, argv + 1);
 	if (!strcmp(command, "renderer"))
 		return renderer_command(argc - 1, argv + 1);
 	if (argc == 2 && !strcmp(command, "devices"))

@@ -7,12 +7,13 @@
 #include <unistd.h>
 
 static const char *const resource_names[RESOURCE_COUNT] = { "/v1/render.png", "/v1/render.exr", "/v1/render",
-	"/v1/radiance", "/v1/methods", "/v1/presets", "/version", "/openapi.json", "/", "other" };
+	"/v1/radiance", "/v1/methods", "/v1/presets", "/v1/scenes", "/version", "/openapi.json", "/", "other" };
 static const char *const stage_names[STAGE_COUNT] = { "queue", "render", "encode", "request" };
 static const char *const stage_help[STAGE_COUNT] = { "Time a render waited for the renderer.",
 	"Time from handing a render out to its result.", "Time to encode a reply.",
 	"Time from a complete request to its reply, image and radiance resources." };
-static const int statuses[] = { 200, 204, 304, 400, 404, 405, 406, 413, 414, 415, 422, 429, 431, 500, 503, 504, 0 };
+static const int statuses[] = { 200, 201, 204, 304, 400, 403, 404, 405, 406, 413, 414, 415, 422, 429, 431, 500, 503,
+	504, 0 };
 enum { STATUS_COUNT = sizeof statuses / sizeof *statuses };
 
 static const double bucket_s[] = { 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30,
@@ -195,5 +196,10 @@ void metrics_text(const struct metrics_gauges *g, struct text *text)
 	single(text, "welkin_cache_misses_total", "counter", "Images not found in the cache.", (double)g->cache_misses);
 	single(text, "welkin_cache_bytes", "gauge", "Memory held by cached images.", (double)g->cache_bytes);
 	single(text, "welkin_cache_entries", "gauge", "Images in the cache.", (double)g->cache_entries);
+	single(text, "welkin_scene_bytes", "gauge", "Memory held by meshes of scenes.", (double)g->scene_bytes);
+	single(text, "welkin_scene_meshes", "gauge", "Scenes whose meshes are in memory.", (double)g->scene_meshes);
+	single(text, "welkin_scene_loads_total", "counter", "Scenes read, with or without success.",
+		(double)g->scene_loads);
+	single(text, "welkin_scene_faults_total", "counter", "Scenes that could not be read.", (double)g->scene_faults);
 	info_text(g, text);
 }

@@ -15,6 +15,7 @@ enum metrics_resource {
 	RESOURCE_RADIANCE,
 	RESOURCE_METHODS,
 	RESOURCE_PRESETS,
+	RESOURCE_SCENES,
 	RESOURCE_VERSION,
 	RESOURCE_OPENAPI,
 	RESOURCE_PAGE,
@@ -38,6 +39,8 @@ struct metrics_gauges {
 	int queue_depth, renders_in_flight;
 	size_t cache_bytes, cache_entries;
 	unsigned long long cache_hits, cache_misses;
+	size_t scene_bytes, scene_meshes;
+	unsigned long long scene_loads, scene_faults;
 	bool ready;
 	struct welkin_device device;
 	pid_t renderer_pid; /* 0: none */

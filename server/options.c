@@ -35,6 +35,7 @@ static const struct option table[] = {
 		"device to render on; N as `welkin devices` counts" },
 	{ "shader-dir", STRING(shader_dir), "", 0, 0, "DIR", "read shaders from DIR instead of the built-in ones" },
 	{ "method-dir", STRING(method_dir), "", 0, 0, "DIR", "methods of your own: each NAME.glsl in DIR is one" },
+	{ "scene-dir", STRING(scene_dir), "", 0, 0, "DIR", "scenes of your own: each folder in DIR is one" },
 	{ "renderer", STRING(renderer), "", 0, 0, "PROGRAM",
 		"program to start as the renderer process instead of this one" },
 	{ "log-level", STRING(log_level), "info", 0, 0, "LEVEL", "error, warn, info or debug" },
@@ -63,6 +64,19 @@ static const struct option table[] = {
 	{ "max-connections", INT(max_connections), "1024", 4, 65536, "N",
 		"open connections; more wait in the backlog" },
 	{ "max-body-kib", INT(max_body_kib), "2048", 1, 1048576, "KIB", "largest request body; more gets 413" },
+	{ "scene-mib", INT(scene_mib), "512", 1, 1048576, "MIB",
+		"memory for meshes of scenes, in the server and as much again in the renderer" },
+	{ "scene-triangles", INT(scene_triangles), "4000000", 1, 100000000, "N", "largest scene" },
+	{ "scene-texture", INT(scene_texture), "8192", 1, 16384, "PX",
+		"longest side of a scene's texture or height map" },
+	{ "scene-file-mib", INT(scene_file_mib), "1024", 1, 1048576, "MIB",
+		"largest files of a scene together, unpacked" },
+	{ "loader-mib", INT(loader_mib), "3072", 64, 1048576, "MIB",
+		"address space of the process that reads a scene" },
+	{ "loader-s", DOUBLE(loader_s), "60", 0.1, 3600, "S", "longest time to read a scene" },
+	{ "uploads", INT(uploads), "0", 0, 512, "N",
+		"scenes uploaded by clients that are kept at a time; 0 takes none" },
+	{ "upload-mib", INT(upload_mib), "64", 1, 1024, "MIB", "largest upload; more gets 413" },
 };
 enum { OPTION_COUNT = sizeof table / sizeof *table };
 static_assert(OPTION_COUNT <= sizeof((struct options *)0)->origin / sizeof(char *), "options.origin is too short");

@@ -15,6 +15,7 @@ struct options {
 	char device[64];
 	char shader_dir[512];
 	char method_dir[512];
+	char scene_dir[512];
 	char renderer[512]; /* program to start as the renderer process; "" for this one */
 	char log_level[16];
 	double max_pixels;
@@ -23,6 +24,8 @@ struct options {
 	double slice_ms, probe_s;
 	int queue, cache_mib, table_mib, encoders, in_flight;
 	int max_connections, max_body_kib;
+	int scene_mib, scene_triangles, scene_texture, scene_file_mib, loader_mib, uploads, upload_mib;
+	double loader_s;
 
 	bool print_config, help; /* flags of the command line only */
 	const char *origin[40];  /* per row of the table: "default", "file", "environment", "command line" */

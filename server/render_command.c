@@ -8,6 +8,7 @@
 #include "server/domain.h"
 #include "server/log.h"
 #include "server/product.h"
+#include "server/scenes.h"
 #include "server/supervisor.h"
 
 #include <cjson/cJSON.h>
@@ -38,7 +39,7 @@ struct command {
 	const char *request_path; /* NULL: none */
 	const char *out_path;
 	enum output output;
-	const char *device, *shader_dir, *method_dir;
+	const char *device, *shader_dir, *method_dir, *scene_dir;
 	char *fields[MAX_FIELD_ARGUMENTS]; /* NAME=VALUE */
 	int n_fields;
 };
@@ -79,7 +80,7 @@ static int help(void)
 	if (status || !fields)
 		return status ? status : complain("out of memory");
 	printf("Usage: welkin render [REQUEST.json|-] -o OUT.png|OUT.exr|OUT.json [--device auto|software|N]\n"
-	       "                     [--shader-dir DIR] [--method-dir DIR] [NAME=VALUE ...]\n"
+	       "                     [--shader-dir DIR] [--method-dir DIR] [--scene-dir DIR] [NAME=VALUE ...]\n"
 	       "\n"
 	       "Renders one request to a file, as the daemon would. The request is a JSON object of nested fields, on\n"
 	       "standard input for -; NAME=VALUE sets or overrides one field by its dotted name, and is enough "
@@ -89,7 +90,8 @@ static int help(void)
 	       "what a render of the image reports about itself. Faults of the request: one line each, status 2. A\n"
 	       "render that fails: status 1.\n"
 	       "\n"
-	       "Environment: WELKIN_DEVICE, WELKIN_SHADER_DIR, WELKIN_METHOD_DIR and WELKIN_RENDERER, as for welkin "
+	       "Environment: WELKIN_DEVICE, WELKIN_SHADER_DIR, WELKIN_METHOD_DIR, WELKIN_SCENE_DIR and "
+	       "WELKIN_RENDERER, as for welkin "
 	       "serve.\n"
 	       "\n"
 	       "Fields, with what they allow and their [default]:\n%s",
@@ -139,6 +141,8 @@ static int read_arguments(struct command *command, int argc, char **argv)
 			command->shader_dir = value;
 		else if ((value = option_value(argc, argv, &i, "--method-dir", &missing)))
 			command->method_dir = value;
+		else if ((value = option_value(argc, argv, &i, "--scene-dir", &missing)))
+			command->scene_dir = value;
 		else if (argv[i][0] == '-' && argv[i][1])
 			return complain("unknown option %s; see welkin render --help", argv[i]);
 		else if (strchr(argv[i], '=') && command->n_fields == MAX_FIELD_ARGUMENTS)
@@ -226,9 +230,66 @@ static int print_faults(const struct welkin_faults *faults)
 	return EXIT_BAD_REQUEST;
 }
 
+/* ---- the scene ---- */
+
+struct scene_wait {
+	pthread_mutex_t lock;
+	pthread_cond_t told_it;
+	bool told;
+};
+
+static void scene_told(struct scenes_waiter *waiter)
+{
+	struct scene_wait *wait = waiter->cls;
+	pthread_mutex_lock(&wait->lock);
+	wait->told = true;
+	pthread_cond_signal(&wait->told_it);
+	pthread_mutex_unlock(&wait->lock);
+}
+
+static void wait_for_scene(struct scenes *scenes, const char *name, struct scenes_waiter *waiter)
+{
+	struct scene_wait wait = { PTHREAD_MUTEX_INITIALIZER, PTHREAD_COND_INITIALIZER, false };
+	waiter->done = scene_told;
+	waiter->cls = &wait;
+	if (scenes_find(scenes, name, waiter))
+		return;
+	pthread_mutex_lock(&wait.lock);
+	while (!wait.told)
+		pthread_cond_wait(&wait.told_it, &wait.lock);
+	pthread_mutex_unlock(&wait.lock);
+}
+
+/* The mesh of the scene that the draft names, if it does; what is wrong with it is a fault. */
+static bool read_scene(const struct command *command, const struct welkin_draft *draft, struct scene_mesh **mesh,
+	struct welkin_faults *faults, struct error *err)
+{
+	const char *name = draft->request.scene.name;
+	/* A person who renders to disk knows their own memory. */
+	const struct scenes_config config = { .dir = setting(command->scene_dir, "WELKIN_SCENE_DIR", ""),
+		.limits = { { .max_triangles = 100000000, .max_texture = 16384, .max_bytes = (uint64_t)32 << 30 },
+			(uint64_t)32 << 30 },
+		.loader_bytes = (size_t)64 << 30,
+		.load_s = 3600 };
+	if (faults->n || !draft->given[welkin_field_find("scene.name")] || !*name)
+		return true;
+	struct scenes *scenes = scenes_start(&config, err);
+	struct scenes_waiter waiter = { 0 };
+	if (!scenes)
+		return false;
+	wait_for_scene(scenes, name, &waiter);
+	*mesh = waiter.mesh;
+	if (waiter.answer == SCENES_UNKNOWN)
+		welkin_fault_add(faults, 422, "scene.name", waiter.fault, "there is no scene \"%s\"", name);
+	else if (!waiter.mesh)
+		welkin_fault_add(faults, 422, "scene.name", "", "this scene can't be used: %s", waiter.fault);
+	scenes_destroy(scenes);
+	return true;
+}
+
 /* photometer->directions stays NULL for an image. */
-static int read_request(
-	const struct command *command, struct welkin_request *request, struct welkin_photometer *photometer)
+static int read_request(const struct command *command, struct welkin_request *request,
+	struct welkin_photometer *photometer, struct scene_mesh **mesh)
 {
 	const struct welkin_limits limits = { .max_pixels = max_pixels };
 	struct welkin_draft draft = { 0 };
@@ -242,9 +303,12 @@ static int read_request(
 		welkin_parse_json(&draft, text, size, radiance ? photometer : NULL, &faults);
 		free(text);
 	}
+	struct error err;
 	parse_fields(command, &draft, &faults);
+	if (!read_scene(command, &draft, mesh, &faults, &err))
+		return complain("%s", err.text);
 	domain_resolve(&draft, command->output == OUTPUT_EXR ? WELKIN_EXR : WELKIN_PNG, &limits,
-		photometer->n_directions, request, &faults);
+		photometer->n_directions, *mesh, request, &faults);
 	return faults.n ? print_faults(&faults) : EXIT_DONE;
 }
 
@@ -256,6 +320,7 @@ struct run {
 	struct buffer_pool pool;
 	int methods_fd; /* -1: no methods of the operator's */
 	struct buffer *buffer;
+	const struct scene_mesh *scene; /* NULL: none */
 	struct product *product;
 	pthread_mutex_t lock;
 	pthread_cond_t changed;
@@ -337,7 +402,10 @@ static bool render(const struct command *command, struct run *run)
 	if (!wait_for(run, &run->ready))
 		return false;
 	const int64_t sent_us = clock_us();
-	if (!supervisor_send_job(run->supervisor, &run->product->job, run->buffer->fd, NULL))
+	struct supervisor_scene scene = { -1, 0 };
+	if (run->scene)
+		scene = (struct supervisor_scene){ scene_mesh_fd(run->scene), scene_mesh_bytes(run->scene) };
+	if (!supervisor_send_job(run->supervisor, &run->product->job, run->buffer->fd, run->scene ? &scene : NULL))
 		on_lost(run, "it does not take the job", true);
 	const bool done = wait_for(run, &run->done);
 	run->product->wall_ms = fmax(clock_ms_between(sent_us, clock_us()), 0.001);
@@ -452,6 +520,8 @@ static bool prepare(struct run *run, const struct welkin_request *request, const
 	p->job.n_directions = photometer->n_directions;
 	p->job.n_wavelengths = photometer->n_wavelengths;
 	p->job.request = *request;
+	if (run->scene)
+		memcpy(p->job.scene_key, scene_mesh_key(run->scene), sizeof p->job.scene_key);
 	run->buffer = buffer_get(&run->pool, welkin_job_bytes(&p->job), err);
 	if (run->buffer && photometer->directions) {
 		const struct welkin_radiance_layout l =
@@ -465,9 +535,11 @@ static bool prepare(struct run *run, const struct welkin_request *request, const
 }
 
 static int render_to_file(const struct command *command, const struct welkin_request *request,
-	const struct welkin_photometer *photometer, int64_t start_us)
+	const struct welkin_photometer *photometer, const struct scene_mesh *scene, int64_t start_us)
 {
-	struct run run = { .lock = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER, .methods_fd = -1 };
+	struct run run = {
+		.scene = scene, .lock = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER, .methods_fd = -1
+	};
 	struct error err;
 	bool done = false;
 	buffer_pool_init(&run.pool, 0);
@@ -496,6 +568,7 @@ int welkin_render_command(int argc, char **argv)
 	struct command command = { 0 };
 	struct welkin_request request;
 	struct welkin_photometer photometer = { 0 };
+	struct scene_mesh *scene = NULL;
 	for (int i = 1; i < argc; i++) {
 		if (!strcmp(argv[i], "--help") || !strcmp(argv[i], "-h"))
 			return help();
@@ -503,12 +576,12 @@ int welkin_render_command(int argc, char **argv)
 	int status = read_arguments(&command, argc, argv);
 	if (!status)
 		status = read_methods(&command);
+	log_set_level("error");
 	if (!status)
-		status = read_request(&command, &request, &photometer);
-	if (!status) {
-		log_set_level("error");
-		status = render_to_file(&command, &request, &photometer, start_us);
-	}
+		status = read_request(&command, &request, &photometer, &scene);
+	if (!status)
+		status = render_to_file(&command, &request, &photometer, scene, start_us);
+	scene_mesh_unref(scene);
 	welkin_photometer_finish(&photometer);
 	return status;
 }

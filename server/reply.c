@@ -66,6 +66,8 @@ static const char *title_of(int status)
 	switch (status) {
 	case 400:
 		return "Bad request";
+	case 403:
+		return "Forbidden";
 	case 404:
 		return "Not found";
 	case 405:
@@ -157,14 +159,14 @@ enum MHD_Result reply_document(struct call *call, const struct document *d)
 	return send_reply(call, same ? 304 : 200, response);
 }
 
-enum MHD_Result reply_json(struct call *call, char *text)
+enum MHD_Result reply_json(struct call *call, int status, char *text)
 {
 	struct MHD_Response *response = response_of_text(text);
 	if (!response)
 		return MHD_NO;
 	header(response, "Content-Type", "application/json");
 	header(response, "Cache-Control", "no-store");
-	return send_reply(call, 200, response);
+	return send_reply(call, status, response);
 }
 
 /* ---- images ---- */

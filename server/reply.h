@@ -16,8 +16,8 @@ enum MHD_Result reply_options(struct call *call);
 /* Something that stays as it is while the server runs; If-None-Match gives 304. */
 enum MHD_Result reply_document(struct call *call, const struct document *document);
 
-/* JSON that changes; takes `text` (malloc'd) over. NULL: out of memory. */
-enum MHD_Result reply_json(struct call *call, char *text);
+/* JSON that changes, 200 or 201; takes `text` (malloc'd) over. NULL: out of memory. */
+enum MHD_Result reply_json(struct call *call, int status, char *text);
 
 /* 304 for call->key. */
 enum MHD_Result reply_not_modified(struct call *call);

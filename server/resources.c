@@ -9,6 +9,81 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* ---- scenes ---- */
+
+/* The mesh of the scene that the draft names, in call->scene. False when the reply is what *result says, or comes after
+ * the scene has been read: then the whole answer is made again. */
+static bool find_scene(
+	struct call *call, const struct welkin_draft *draft, struct welkin_faults *faults, enum MHD_Result *result)
+{
+	struct scenes_waiter *scene = &call->scene;
+	const char *name = draft->request.scene.name;
+	if (faults->n || !draft->given[welkin_field_find("scene.name")] || !*name)
+		return true;
+	if (!call->scene_asked && !scenes_find(call->http->scenes, name, scene)) {
+		call->scene_asked = true;
+		call_pause(call); /* now scene has somebody to tell */
+		if (scenes_find(call->http->scenes, name, scene))
+			call_unpause(call);
+		*result = MHD_YES;
+		return false;
+	}
+	switch (scene->answer) {
+	case SCENES_FOUND:
+		return true;
+	case SCENES_UNKNOWN:
+		welkin_fault_add(faults, 422, "scene.name", scene->fault, "there is no scene \"%s\"", name);
+		return true;
+	case SCENES_FAULTY:
+		welkin_fault_add(
+			faults, 422, "scene.name", "see /v1/scenes", "this scene can't be used: %s", scene->fault);
+		return true;
+	case SCENES_BUSY:
+		break;
+	}
+	*result = reply_problem(call, 503, scene->fault, NULL, 5);
+	return false;
+}
+
+static enum MHD_Result answer_scenes_get(struct call *call)
+{
+	if (!call->scene_asked) {
+		call->scene_asked = true;
+		call_pause(call);
+		if (scenes_settle(call->http->scenes, &call->scene))
+			call_unpause(call);
+		return MHD_YES;
+	}
+	if (call->scene.answer == SCENES_BUSY)
+		return reply_problem(call, 503, call->scene.fault, NULL, 5);
+	return reply_json(call, 200, scenes_json(call->http->scenes, NULL));
+}
+
+static enum MHD_Result answer_scenes_post(struct call *call)
+{
+	struct scenes_waiter *scene = &call->scene;
+	if (!call->scene_asked) {
+		const size_t size = call->body.length;
+		call->scene_asked = true;
+		call_pause(call);
+		if (scenes_upload(call->http->scenes, text_take(&call->body), size, scene))
+			call_unpause(call);
+		return MHD_YES;
+	}
+	if (scene->answer == SCENES_FOUND)
+		return reply_json(call, scene->known ? 200 : 201, scenes_json(call->http->scenes, scene->name));
+	if (scene->answer == SCENES_BUSY)
+		return reply_problem(call, 503, scene->fault, NULL, 5);
+	char detail[512];
+	snprintf(detail, sizeof detail, "The scene can't be used: %s", scene->fault);
+	return reply_problem(call, 422, detail, NULL, 0);
+}
+
+static enum MHD_Result answer_scenes(struct call *call)
+{
+	return call->verb == VERB_POST ? answer_scenes_post(call) : answer_scenes_get(call);
+}
+
 /* ---- images ---- */
 
 /* From a draft to call->request and its key. False when the reply (422, 400) is what *result says. */
@@ -16,8 +91,10 @@ static bool resolve(struct call *call, const struct welkin_draft *draft, enum we
 	double samples, struct welkin_faults *faults, enum MHD_Result *result)
 {
 	const struct welkin_limits limits = { max_pixels };
+	if (!find_scene(call, draft, faults, result))
+		return false;
 	if (!faults->n)
-		domain_resolve(draft, format, &limits, samples, &call->request, faults);
+		domain_resolve(draft, format, &limits, samples, call->scene.mesh, &call->request, faults);
 	if (!faults->n)
 		return true;
 	char detail[128];
@@ -31,13 +108,14 @@ static bool resolve(struct call *call, const struct welkin_draft *draft, enum we
  * A file with its timings inside is new every time: no key, not cached, not shared. */
 static void make_key(struct call *call)
 {
-	char salt[256];
+	char salt[384];
 	const struct welkin_device device = service_device(call->http->service);
 	call->keyed = !call->request.image.embed_timing;
 	/* The file of an operator's method is as much a part of the build as a shader of ours. */
 	const int entry = operator_methods_find(call->request.atmosphere.method);
-	snprintf(salt, sizeof salt, "%s|%s|%s", build_name, device.name,
-		entry >= 0 ? operator_methods_at(entry)->digest : "");
+	snprintf(salt, sizeof salt, "%s|%s|%s|%s", build_name, device.name,
+		entry >= 0 ? operator_methods_at(entry)->digest : "",
+		call->scene.mesh ? scene_mesh_key(call->scene.mesh) : "");
 	if (call->keyed)
 		welkin_request_key(&call->request, salt, call->key);
 }
@@ -148,7 +226,7 @@ static enum MHD_Result answer_version(struct call *call)
 	text_printf(&text, ",\"software\":%s,\"index\":%d}", device.software ? "true" : "false", device.index);
 	text_printf(&text, ",\"limits\":{\"max_pixels\":%.0f,\"deadline_s\":%g,\"max_body_kib\":%d,\"queue\":%d}}\n",
 		o->max_pixels, o->deadline_s, o->max_body_kib, o->queue);
-	return reply_json(call, text_take(&text));
+	return reply_json(call, 200, text_take(&text));
 }
 
 /* Browsers ask for it whatever the page says; no icon is no error. */
@@ -168,6 +246,9 @@ static enum MHD_Result answer_favicon(struct call *call)
 #define READ (VERB_GET | VERB_HEAD | VERB_OPTIONS)
 #define POST (VERB_POST | VERB_OPTIONS)
 
+static const char *const archives[] = { "application/zip", "application/x-zip-compressed", "application/x-tar",
+	"application/gzip", "application/x-gzip", "application/octet-stream", NULL };
+
 const struct resource resources[] = {
 	{ "/v1/render.png", READ, RESOURCE_RENDER_PNG, answer_render_get, WELKIN_PNG },
 	{ "/v1/render.exr", READ, RESOURCE_RENDER_EXR, answer_render_get, WELKIN_EXR },
@@ -175,6 +256,7 @@ const struct resource resources[] = {
 	{ "/v1/radiance", POST, RESOURCE_RADIANCE, answer_radiance, 0 },
 	{ "/v1/methods", READ, RESOURCE_METHODS, answer_document, DOCUMENT_METHODS },
 	{ "/v1/presets", READ, RESOURCE_PRESETS, answer_document, DOCUMENT_PRESETS },
+	{ "/v1/scenes", READ | VERB_POST, RESOURCE_SCENES, answer_scenes, 0, archives },
 	{ "/openapi.json", READ, RESOURCE_OPENAPI, answer_document, DOCUMENT_OPENAPI },
 	{ "/version", READ, RESOURCE_VERSION, answer_version, 0 },
 	{ "/favicon.ico", READ, RESOURCE_OTHER, answer_favicon, 0 },

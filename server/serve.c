@@ -21,6 +21,7 @@
 struct server {
 	struct options options;
 	int signal_fd, http_fd, admin_fd;
+	struct scenes *scenes;
 	struct service *service;
 	struct documents *documents;
 	struct admin *admin;
@@ -91,6 +92,21 @@ static void raise_descriptor_limit(const struct options *options)
 			(unsigned long long)wanted);
 }
 
+static struct scenes *start_scenes(const struct options *o, struct error *err)
+{
+	const struct scenes_config config = { .dir = o->scene_dir,
+		.eager = true,
+		.limits = { .mesh = { .max_triangles = (uint32_t)o->scene_triangles,
+				    .max_texture = (uint32_t)o->scene_texture,
+				    .max_bytes = (uint64_t)o->scene_mib << 20 },
+			.max_files_bytes = (uint64_t)o->scene_file_mib << 20 },
+		.cache_bytes = (size_t)o->scene_mib << 20,
+		.loader_bytes = (size_t)o->loader_mib << 20,
+		.load_s = o->loader_s,
+		.uploads = o->uploads };
+	return scenes_start(&config, err);
+}
+
 static bool start(struct server *server, struct error *err)
 {
 	const struct options *o = &server->options;
@@ -101,14 +117,15 @@ static bool start(struct server *server, struct error *err)
 	if (!read_methods(o->method_dir, err))
 		return false;
 	server->documents = documents_create(err);
-	server->service = server->documents ? service_start(o, err) : NULL;
+	server->scenes = server->documents ? start_scenes(o, err) : NULL;
+	server->service = server->scenes ? service_start(o, server->scenes, err) : NULL;
 	if (!server->service)
 		return false;
 	server->admin = admin_start(server->service, server->admin_fd, err);
 	server->admin_fd = -1;
 	if (!server->admin || !wait_until_started(server, err))
 		return false;
-	server->http = http_start(o, server->service, server->documents, server->http_fd, err);
+	server->http = http_start(o, server->service, server->scenes, server->documents, server->http_fd, err);
 	server->http_fd = -1;
 	if (!server->http)
 		return false;
@@ -136,6 +153,7 @@ static void drain(struct server *server)
 		;
 	/* Whoever still waits gets a 503, for which a moment is needed. */
 	service_refuse(server->service);
+	scenes_refuse(server->scenes);
 	const int64_t last_us = clock_us() + 1000000;
 	while (http_answering(server->http) > 0 && clock_us() < last_us)
 		asked_to_stop(server, 10);
@@ -145,9 +163,11 @@ static void stop(struct server *server)
 {
 	if (server->service)
 		service_refuse(server->service);
+	scenes_refuse(server->scenes);
 	http_stop(server->http);
 	admin_stop(server->admin);
 	service_stop(server->service);
+	scenes_destroy(server->scenes);
 	documents_destroy(server->documents);
 	if (server->http_fd >= 0)
 		close(server->http_fd);

@@ -28,7 +28,7 @@ struct product *service_lookup(struct service *s, const char *key)
 }
 
 static struct render *create_render(struct service *s, const struct welkin_request *request, const char *key,
-	const struct welkin_photometer *photometer)
+	const struct welkin_photometer *photometer, struct scene_mesh *scene)
 {
 	struct render *r = calloc(1, sizeof *r);
 	if (!r)
@@ -39,12 +39,17 @@ static struct render *create_render(struct service *s, const struct welkin_reque
 	r->job.deadline_us = clock_us() + (int64_t)(s->options->deadline_s * 1e6);
 	if (key)
 		memcpy(r->key, key, sizeof r->key);
+	if (scene) {
+		r->scene = scene_mesh_ref(scene);
+		memcpy(r->job.scene_key, scene_mesh_key(scene), sizeof r->job.scene_key);
+	}
 	if (!photometer)
 		return r;
 	r->job.n_directions = photometer->n_directions;
 	r->job.n_wavelengths = photometer->n_wavelengths;
 	r->buffer = buffer_get(&s->buffers, welkin_job_bytes(&r->job), NULL);
 	if (!r->buffer) {
+		scene_mesh_unref(r->scene);
 		free(r);
 		return NULL;
 	}
@@ -78,7 +83,7 @@ static void enqueue(struct service *s, struct ticket *ticket, struct render *r, 
 }
 
 void service_submit(struct service *s, struct ticket *ticket, const struct welkin_request *request, const char *key,
-	const struct welkin_photometer *photometer)
+	const struct welkin_photometer *photometer, struct scene_mesh *scene)
 {
 	struct settled settled = { 0 };
 	struct render *leader;
@@ -101,7 +106,7 @@ void service_submit(struct service *s, struct ticket *ticket, const struct welki
 		ticket->joined = true;
 		attach(leader, ticket);
 	} else {
-		struct render *r = create_render(s, request, key, photometer);
+		struct render *r = create_render(s, request, key, photometer, scene);
 		s->misses += key != NULL;
 		if (r) {
 			enqueue(s, ticket, r, &settled);
@@ -192,11 +197,16 @@ void service_gauges(struct service *s, struct metrics_gauges *g)
 	g->cache_misses = s->misses;
 	g->device = s->device;
 	pthread_mutex_unlock(&s->lock);
+	const struct scenes_stats scenes = s->scenes ? scenes_stats(s->scenes) : (struct scenes_stats){ 0 };
+	g->scene_bytes = scenes.bytes;
+	g->scene_meshes = scenes.meshes;
+	g->scene_loads = scenes.loads;
+	g->scene_faults = scenes.faults;
 }
 
 /* ---- start and end ---- */
 
-struct service *service_start(const struct options *options, struct error *err)
+struct service *service_start(const struct options *options, struct scenes *scenes, struct error *err)
 {
 	struct service *s = calloc(1, sizeof *s);
 	if (!s) {
@@ -204,6 +214,7 @@ struct service *service_start(const struct options *options, struct error *err)
 		return NULL;
 	}
 	s->options = options;
+	s->scenes = scenes;
 	pthread_mutex_init(&s->lock, NULL);
 	queue_init(&s->queue, options->queue, options->in_flight);
 	cost_init(&s->cost);
@@ -215,6 +226,7 @@ struct service *service_start(const struct options *options, struct error *err)
 		.shader_dir = options->shader_dir,
 		.slice_ms = options->slice_ms,
 		.table_mib = options->table_mib,
+		.scene_bytes = (size_t)options->scene_mib << 20,
 		.methods_fd = operator_methods_count() ? operator_methods_bundle(err) : -1,
 		.watchdog_s = options->watchdog_s,
 		.startup_s = STARTUP_S,

@@ -5,6 +5,7 @@
 #include "server/metrics.h"
 #include "server/options.h"
 #include "server/product.h"
+#include "server/scenes.h"
 
 /*
  * From a resolved request to encoded bytes: cache, joining of identical requests, queue, renderer,
@@ -37,8 +38,8 @@ struct ticket {
 	struct render *render;
 };
 
-/* The operator's methods have been read by then (gpu/operator_methods.h). */
-struct service *service_start(const struct options *options, struct error *err);
+/* scenes has to outlive it. The operator's methods have been read by then (gpu/operator_methods.h). */
+struct service *service_start(const struct options *options, struct scenes *scenes, struct error *err);
 
 /* A descriptor that becomes readable once the first probe worked or starting failed for good. */
 int service_started_fd(struct service *service);
@@ -51,9 +52,10 @@ struct welkin_device service_device(struct service *service);
 /* A reference to the cached product, or NULL. */
 struct product *service_lookup(struct service *service, const char *key);
 
-/* key NULL: neither cached nor joined (radiance, embedded timings). photometer: radiance only. */
+/* key NULL: neither cached nor joined (radiance, embedded timings). photometer: radiance only. scene: the mesh of the
+ * request's scene, of which a reference is taken; NULL: it has none. */
 void service_submit(struct service *service, struct ticket *ticket, const struct welkin_request *request,
-	const char *key, const struct welkin_photometer *photometer);
+	const char *key, const struct welkin_photometer *photometer, struct scene_mesh *scene);
 
 /* The client has gone: true when the ticket was still waiting; done is then never called and the
  * work is cancelled unless somebody else waits for it. */

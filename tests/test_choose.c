@@ -224,7 +224,7 @@ static void resolve(const char *query, struct welkin_request *r, struct welkin_f
 	struct welkin_draft draft = { 0 };
 	*faults = (struct welkin_faults){ 0 };
 	welkin_parse_query(&draft, query, strlen(query), faults);
-	domain_resolve(&draft, WELKIN_PNG, &limits, 0, r, faults);
+	domain_resolve(&draft, WELKIN_PNG, &limits, 0, NULL, r, faults);
 }
 
 static void test_default_of_a_request(void **state)
