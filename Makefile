@@ -17,7 +17,7 @@ ifneq ($(filter default undefined,$(origin CC)),)
 CC := gcc
 endif
 
-BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR libsystemd inih libcjson assimp libarchive libseccomp nettle
+BUILD_PKGS := libmicrohttpd epoxy egl libpng libdeflate OpenEXR libsystemd inih libcjson libarchive libseccomp nettle
 TEST_PKGS  := cmocka libcurl gsl
 
 WARN   := -Wall -Wextra -Werror -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wpointer-arith -Wvla \
@@ -119,16 +119,22 @@ PROGRAMS  := soak bench_probe bench_encode bench_frames accuracy chart failures
 tests: $(TEST_BIN) $(B)/welkin
 programs: $(PROGRAMS:%=$(B)/tests/%) $(B)/welkin
 
-# ---- fuzzers: libFuzzer, AddressSanitizer and UndefinedBehaviorSanitizer, api/ only ----
+# ---- fuzzers: libFuzzer, AddressSanitizer and UndefinedBehaviorSanitizer; of api/ and of what reads scenes ----
 FUZZ_SECONDS ?= 600
 $(B)-fuzz/fuzz_%: tests/fuzz_%.c tests/fuzz_check.h $(API_SRC) $(B)/gen/method_names.c
 	@mkdir -p $(@D)
 	clang -std=gnu17 -O1 -g -I. -D_GNU_SOURCE $(PKG_CFLAGS) -fsanitize=fuzzer,address,undefined \
 	  -fno-sanitize-recover=all -o $@ $< $(API_SRC) $(B)/gen/method_names.c -lcjson -lnova -lm -lpthread
+SCENE_SRC := $(sort $(wildcard server/scene_*.c)) server/mesh_build.c gpu/mesh.c api/error.c api/text.c
+SCENE_SRC := $(filter-out server/scene_mesh.c,$(SCENE_SRC))
+$(B)-fuzz/fuzz_scene: tests/fuzz_scene.c $(SCENE_SRC)
+	@mkdir -p $(@D)
+	clang -std=gnu17 -O1 -g -I. -D_GNU_SOURCE $(PKG_CFLAGS) -fsanitize=fuzzer,address,undefined \
+	  -fno-sanitize-recover=all -o $@ $< $(SCENE_SRC) -larchive -lpng -lcjson -lm
 .PHONY: fuzz fuzz-smoke
-fuzz: $(B)-fuzz/fuzz_query $(B)-fuzz/fuzz_json
-	@cd $(B)-fuzz && for t in query json; do mkdir -p new_$$t; ./fuzz_$$t -max_total_time=$(FUZZ_SECONDS) -max_len=4096 \
-	  -print_final_stats=1 new_$$t $(CURDIR)/tests/corpus/$$t 2>fuzz_$$t.log || { tail -40 fuzz_$$t.log; exit 1; }; \
+fuzz: $(B)-fuzz/fuzz_query $(B)-fuzz/fuzz_json $(B)-fuzz/fuzz_scene
+	@cd $(B)-fuzz && for t in query json scene; do mkdir -p new_$$t; ./fuzz_$$t -max_total_time=$(FUZZ_SECONDS) -max_len=4096 \
+	  -timeout=20 -print_final_stats=1 new_$$t $(CURDIR)/tests/corpus/$$t 2>fuzz_$$t.log || { tail -40 fuzz_$$t.log; exit 1; }; \
 	  echo "fuzz_$$t: $$(sed -n 's/^stat::number_of_executed_units: *//p' fuzz_$$t.log) inputs in $(FUZZ_SECONDS) s, no fault"; done
 fuzz-smoke:
 	@$(MAKE) --no-print-directory fuzz FUZZ_SECONDS=30
@@ -136,7 +142,7 @@ fuzz-smoke:
 # ---- two commands ----
 RUN_DEPS   := build-essential pkg-config libmicrohttpd-dev libepoxy-dev libegl-dev libgl1-mesa-dri libegl-mesa0 libpng-dev \
               libdeflate-dev libopenexr-dev libnova-dev libsystemd-dev libinih-dev libcjson-dev \
-              libassimp-dev libarchive-dev libseccomp-dev nettle-dev
+              libarchive-dev libseccomp-dev nettle-dev
 CHECK_DEPS := $(RUN_DEPS) git curl libcmocka-dev libcurl4-openssl-dev libgsl-dev gnuplot-nox clang libclang-rt-14-dev clang-format \
               assimp-testmodels zip cppcheck glslang-tools openexr pngcheck prometheus chromium chromium-driver python3-jsonschema \
               openapi-specification python3-yaml python3-requests haproxy varnish systemd

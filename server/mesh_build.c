@@ -79,9 +79,15 @@ int mesh_build_material(struct mesh_build *b, const struct mesh_material *materi
 	return (int)b->n_materials++;
 }
 
+/* In the block, where every offset is a multiple of 8. */
+static uint64_t bytes_of(const struct build_texture *texture)
+{
+	return (4 * (uint64_t)texture->width * texture->height + 7) & ~(uint64_t)7;
+}
+
 int mesh_build_texture(struct mesh_build *b, const struct build_texture *texture, struct error *err)
 {
-	const uint64_t bytes = 4 * (uint64_t)texture->width * texture->height;
+	const uint64_t bytes = bytes_of(texture);
 	if (b->texture_bytes + bytes > b->limits.max_bytes) {
 		free(texture->pixels);
 		error_set(err, "the textures together are larger than the %llu MiB that are allowed",
@@ -383,10 +389,9 @@ static void fill_block(const struct mesh_build *b, const struct mesh_header *h, 
 	for (size_t i = 0; i < b->n_textures; i++) {
 		const struct build_texture *t = &b->textures[i];
 		const struct mesh_texture entry = { t->width, t->height, pixels, t->srgb, 0 };
-		const uint64_t bytes = 4 * (uint64_t)t->width * t->height;
 		memcpy(block + h->textures + i * sizeof entry, &entry, sizeof entry);
-		memcpy(block + pixels, t->pixels, bytes);
-		pixels += bytes;
+		memcpy(block + pixels, t->pixels, 4 * (size_t)t->width * t->height);
+		pixels += bytes_of(t);
 	}
 }
 

@@ -150,9 +150,9 @@ static void wall_colour(int material, int x, int y, double colour[3])
 			  v < (material == GLASS ? 0.94 : 0.82);
 	const double grain = 0.92 + 0.16 * noise_random(x, y, 40 + (uint32_t)material);
 	/* a blind is down here and there */
-	const bool blind = pane && noise_random(column, storey, 50 + (uint32_t)material) < 0.2 && v > 0.5;
+	const bool blind = pane && noise_random(column, storey, 50 + (uint32_t)material) < 0.1 && v > 0.5;
 	for (int k = 0; k < 3; k++)
-		colour[k] = blind ? 0.35 : pane ? panes[material][k] : walls[material][k] * grain;
+		colour[k] = blind ? 0.22 : pane ? panes[material][k] : walls[material][k] * grain;
 }
 
 static void roof_colour(int x, int y, double colour[3])

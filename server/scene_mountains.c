@@ -25,7 +25,7 @@ static double ridges(double x, double z)
 		r *= r * weight;
 		sum += amplitude * r;
 		weight = fmin(fmax(1.7 * r, 0), 1); /* valleys stay smooth */
-		amplitude *= 0.52;
+		amplitude *= 0.44;
 		frequency *= 2.03;
 	}
 	return sum;
@@ -41,7 +41,7 @@ static double height_of(double x, double z)
 	const double inside = 1 - noise_smoothstep(7400, 10900, hypot(x, z));
 	const double floor_m = 140 + 25 * noise_gradient(x / 700, z / 700, 104);
 	const double relief = fmax(ridges(x + bend_x, z + bend_z) - 0.35, 0);
-	return inside * (floor_m + wall * 1850 * relief) - 40 * (1 - inside);
+	return inside * (floor_m + wall * 1750 * relief) - 40 * (1 - inside);
 }
 
 static void make_heights(struct mountains *m)
@@ -111,10 +111,10 @@ static void cover(double height, double slope, double detail, double colour[3])
 			    rock[] = { 0.165, 0.150, 0.132 }, snow[] = { 0.86, 0.88, 0.92 };
 	const double woods = noise_smoothstep(170, 320, height + 6 * detail) *
 			     (1 - noise_smoothstep(850, 1100, height + 9 * detail));
-	const double bare = fmax(noise_smoothstep(0.55, 0.95, slope + 0.008 * detail),
-		noise_smoothstep(950, 1350, height + 10 * detail));
+	const double bare = fmax(
+		noise_smoothstep(0.6, 1.05, slope + 0.008 * detail), noise_smoothstep(950, 1350, height + 10 * detail));
 	const double white =
-		noise_smoothstep(1150, 1450, height + 8 * detail) * (1 - noise_smoothstep(0.8, 1.25, slope));
+		noise_smoothstep(1150, 1500, height + 8 * detail) * (1 - noise_smoothstep(1.0, 1.7, slope));
 	const double shade = 1 + 0.012 * detail;
 	for (int k = 0; k < 3; k++) {
 		double c = meadow[k] + woods * (forest[k] - meadow[k]);

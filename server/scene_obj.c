@@ -1,292 +1,371 @@
-#include "server/scene_parse.h"
+#include "server/scene_text.h"
 
-#include <assimp/cfileio.h>
-#include <assimp/cimport.h>
-#include <assimp/material.h>
-#include <assimp/postprocess.h>
-#include <assimp/scene.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* Wavefront OBJ and MTL, read by Assimp from memory: it sees the scene's files and no others. */
-
-/* ---- Assimp's file system ---- */
-
-struct vfs {
-	struct aiFileIO io;
-	const struct scene_files *files;
-	const struct scene_file *model;
-	bool library;                 /* a material library was opened */
-	char missing[SCENE_PATH_MAX]; /* one that was looked for in vain; "": none */
-};
-
-struct open_file {
-	struct aiFile file;
-	const struct scene_file *content;
-	size_t at;
-};
-
-static struct open_file *opened(struct aiFile *file)
-{
-	return (struct open_file *)(void *)file->UserData;
-}
-
-static size_t file_read(struct aiFile *file, char *to, size_t size, size_t count)
-{
-	struct open_file *f = opened(file);
-	const size_t left = f->content->size - f->at, n = size ? left / size : 0, got = n < count ? n : count;
-	memcpy(to, f->content->data + f->at, got * size);
-	f->at += got * size;
-	return got;
-}
-
-static size_t file_write(struct aiFile *file, const char *from, size_t size, size_t count)
-{
-	(void)file, (void)from, (void)size, (void)count;
-	return 0;
-}
-
-static size_t file_tell(struct aiFile *file)
-{
-	return opened(file)->at;
-}
-
-static size_t file_size(struct aiFile *file)
-{
-	return opened(file)->content->size;
-}
-
-static enum aiReturn file_seek(struct aiFile *file, size_t offset, enum aiOrigin origin)
-{
-	struct open_file *f = opened(file);
-	const size_t size = f->content->size;
-	const size_t from = origin == aiOrigin_SET ? 0 : origin == aiOrigin_CUR ? f->at : size;
-	/* Assimp seeks backwards by wrapping round. */
-	if (from + offset > size)
-		return aiReturn_FAILURE;
-	f->at = from + offset;
-	return aiReturn_SUCCESS;
-}
-
-static void file_flush(struct aiFile *file)
-{
-	(void)file;
-}
-
-static struct aiFile *file_open(struct aiFileIO *io, const char *name, const char *mode)
-{
-	struct vfs *vfs = (struct vfs *)(void *)io->UserData;
-	const bool library = strcmp(name, vfs->model->name) != 0;
-	const struct scene_file *content = mode[0] != 'r' ? NULL
-					   : library      ? scene_files_find(vfs->files, name)
-							  : vfs->model;
-	struct open_file *f = content ? calloc(1, sizeof *f) : NULL;
-	if (library && f)
-		vfs->library = true;
-	else if (library && !vfs->missing[0])
-		snprintf(vfs->missing, sizeof vfs->missing, "%s", name);
-	if (!f)
-		return NULL;
-	f->content = content;
-	f->file = (struct aiFile){ file_read, file_write, file_tell, file_size, file_seek, file_flush,
-		(aiUserData)(void *)f };
-	return &f->file;
-}
-
-static void file_close(struct aiFileIO *io, struct aiFile *file)
-{
-	(void)io;
-	if (file)
-		free(opened(file));
-}
-
-/* ---- materials ---- */
-
-static void colour_of(const struct aiMaterial *material, const char *key, float out[3])
-{
-	struct aiColor4D c;
-	if (aiGetMaterialColor(material, key, 0, 0, &c) != aiReturn_SUCCESS)
-		return;
-	out[0] = c.r;
-	out[1] = c.g;
-	out[2] = c.b;
-}
-
-static float number_of(const struct aiMaterial *material, const char *key, float fallback)
-{
-	float value = fallback;
-	unsigned n = 1;
-	return aiGetMaterialFloatArray(material, key, 0, 0, &value, &n) == aiReturn_SUCCESS && n == 1 ? value
-												      : fallback;
-}
-
-/* The name of a texture; false where the material has none of that kind. */
-static bool texture_of(const struct aiMaterial *material, enum aiTextureType type, char name[SCENE_PATH_MAX])
-{
-	struct aiString path;
-	if (aiGetMaterialTexture(material, type, 0, &path, NULL, NULL, NULL, NULL, NULL, NULL) != aiReturn_SUCCESS)
-		return false;
-	snprintf(name, SCENE_PATH_MAX, "%.199s", path.data);
-	return name[0];
-}
-
-static bool add_textures(const struct scene_files *files, const struct aiMaterial *from, struct mesh_material *m,
-	struct mesh_build *build, struct error *err)
-{
-	char name[SCENE_PATH_MAX];
-	if (texture_of(from, aiTextureType_DIFFUSE, name)) {
-		m->albedo_texture = scene_png_texture(files, name, TEXTURE_COLOUR, 1, build, err);
-		if (m->albedo_texture < 0)
-			return false;
-	}
-	if (texture_of(from, aiTextureType_NORMALS, name)) {
-		m->normal_texture = scene_png_texture(files, name, TEXTURE_NORMALS, 1, build, err);
-		return m->normal_texture >= 0;
-	}
-	if (texture_of(from, aiTextureType_HEIGHT, name)) {
-		m->normal_texture = scene_png_texture(
-			files, name, TEXTURE_BUMPS, number_of(from, "$mat.bumpscaling", 1), build, err);
-		return m->normal_texture >= 0;
-	}
-	return true;
-}
-
-static bool all_finite(const float *values, size_t n)
-{
-	for (size_t i = 0; i < n; i++)
-		if (!isfinite(values[i]))
-			return false;
-	return true;
-}
-
-static bool add_material(const struct scene_files *files, const struct aiMaterial *from, struct mesh_build *build,
-	struct scene_about *about, struct error *err)
-{
-	struct mesh_material m = mesh_build_plain();
-	struct aiString name = { 0 };
-	aiGetMaterialString(from, AI_MATKEY_NAME, &name);
-	colour_of(from, "$clr.ambient", m.ambient);
-	colour_of(from, "$clr.diffuse", m.diffuse);
-	colour_of(from, "$clr.specular", m.specular);
-	m.shininess = number_of(from, "$mat.shininess", m.shininess);
-	m.opacity = number_of(from, "$mat.opacity", m.opacity);
-	if (!all_finite(m.ambient, offsetof(struct mesh_material, albedo_texture) / sizeof(float)))
-		return error_set(err, "the material %.40s has a number that is not finite", name.data);
-	if (!add_textures(files, from, &m, build, err))
-		return false;
-	const int index = mesh_build_material(build, &m, err);
-	if (index >= 0 && index < SCENE_MATERIALS_LISTED)
-		snprintf(about->materials[index], sizeof about->materials[index], "%.47s", name.data);
-	return index >= 0;
-}
-
-/* ---- triangles ---- */
+/*
+ * Wavefront OBJ. A reader of our own: Assimp 5.2.5, which Debian 12 has, writes through a wild pointer on a material
+ * library that does not begin with newmtl, says no line numbers, and takes three times as long.
+ */
 
 /* Beyond this metres are lost to single precision, and squares of areas overflow soon after. */
 static const float farthest_m = 1e8F;
 
-static bool take_vertex(const struct aiMesh *mesh, unsigned index, char up, struct mesh_vertex *v, struct error *err)
-{
-	const struct aiVector3D *p = &mesh->mVertices[index];
-	const struct aiVector3D *n = mesh->mNormals ? &mesh->mNormals[index] : NULL;
-	const struct aiVector3D *t = mesh->mTextureCoords[0] ? &mesh->mTextureCoords[0][index] : NULL;
-	*v = (struct mesh_vertex){ { p->x, up == 'z' ? p->z : p->y, up == 'z' ? -p->y : p->z }, { 0 },
-		{ t ? t->x : 0, t ? t->y : 0 } };
-	if (n) {
-		v->normal[0] = n->x;
-		v->normal[1] = up == 'z' ? n->z : n->y;
-		v->normal[2] = up == 'z' ? -n->y : n->z;
-	}
-	if (!all_finite(v->position, sizeof *v / sizeof(float)))
-		return error_set(err, "a vertex has a number that is not finite");
-	for (int k = 0; k < 3; k++)
-		if (fabsf(v->position[k]) > farthest_m)
-			return error_set(err, "a vertex is %g m away from the origin; 1e8 m are allowed",
-				(double)fabsf(v->position[k]));
-	return true;
-}
+enum { CORNERS_MAX = 1024 }; /* of a face: cutting it into triangles takes their square */
 
-static bool add_mesh(const struct aiMesh *mesh, char up, struct mesh_build *build, struct error *err)
+struct corner {
+	uint32_t position, uv, normal; /* 1 + index; 0: none */
+};
+
+struct triangle {
+	struct corner corners[3];
+	uint32_t material;
+};
+
+struct numbers {
+	float *list;
+	size_t n, room; /* in floats */
+};
+
+struct obj {
+	struct text_reader reader;
+	const struct scene_files *files;
+	const struct mesh_limits *limits;
+	struct numbers positions, uvs, normals;
+	struct triangle *triangles;
+	size_t n, room;
+	struct obj_materials materials;
+	int material; /* -1: none named yet */
+	char up;
+};
+
+/* ---- numbers ---- */
+
+static bool add_numbers(struct obj *o, struct numbers *to, int wanted, int needed, struct error *err)
 {
-	if (!mesh_build_reserve(build, (size_t)mesh->mNumFaces * 3, (size_t)mesh->mNumFaces * 3, err))
-		return false;
-	for (unsigned f = 0; f < mesh->mNumFaces; f++) {
-		const struct aiFace *face = &mesh->mFaces[f];
-		uint32_t corner[3];
-		if (face->mNumIndices != 3)
-			continue; /* points and lines have no surface */
-		for (int k = 0; k < 3; k++) {
-			struct mesh_vertex v;
-			if (face->mIndices[k] >= mesh->mNumVertices)
-				return error_set(err, "a face refers to a vertex that is not there");
-			if (!take_vertex(mesh, face->mIndices[k], up, &v, err))
-				return false;
-			corner[k] = mesh_build_vertex(build, &v);
+	if (to->n + (size_t)wanted > to->room) {
+		const size_t room = to->room ? to->room * 2 : 4096;
+		float *grown = reallocarray(to->list, room, sizeof *grown);
+		/* a corner refers to them by 32 bits, and no mesh has more vertices than triangles have corners */
+		if (!grown || room > (size_t)64 * o->limits->max_triangles + 65536) {
+			free(grown);
+			to->list = grown ? NULL : to->list;
+			return error_set(err, "more vertices than the triangles that are allowed could use");
 		}
-		mesh_build_triangle(build, corner[0], corner[1], corner[2]);
+		to->list = grown;
+		to->room = room;
 	}
+	for (int k = 0; k < wanted; k++) {
+		float *value = &to->list[to->n + (size_t)k];
+		*value = 0;
+		if (k < needed && !text_number_next(&o->reader, value, err))
+			return false;
+	}
+	if (wanted > needed) { /* vt u [v] */
+		const struct span word = text_word(&o->reader);
+		if (word.n && !text_number_of(&o->reader, word, &to->list[to->n + (size_t)needed], err))
+			return false;
+	}
+	to->n += (size_t)wanted;
 	return true;
 }
 
-static bool add_scene(const struct scene_files *files, const struct aiScene *scene, struct mesh_build *build,
-	struct scene_about *about, struct error *err)
+static bool add_position(struct obj *o, struct error *err)
 {
-	for (unsigned m = 0; m < scene->mNumMaterials; m++) {
-		const size_t before = build->n_indices;
-		bool used = false;
-		for (unsigned i = 0; i < scene->mNumMeshes; i++)
-			if (scene->mMeshes[i]->mMaterialIndex == m) {
-				used = true;
-				if (!add_mesh(scene->mMeshes[i], about->up, build, err))
-					return false;
-			}
-		/* Assimp adds a material of its own that nothing uses. */
-		if (!used || before == build->n_indices)
+	if (!add_numbers(o, &o->positions, 3, 3, err))
+		return false;
+	const float *p = &o->positions.list[o->positions.n - 3];
+	for (int k = 0; k < 3; k++)
+		if (fabsf(p[k]) > farthest_m)
+			return text_fault(&o->reader, err,
+				"%g m are further from the origin than the 1e8 m that are allowed", (double)p[k]);
+	return true;
+}
+
+/* ---- faces ---- */
+
+/* One index of "7/-2/3"; 0 where nothing stands between the slashes. */
+static bool read_index(const struct obj *o, const char **at, const char *end, const struct numbers *of, int width,
+	const char *what, uint32_t *index, struct error *err)
+{
+	const size_t count = of->n / (size_t)width;
+	const bool back = *at < end && **at == '-';
+	const char *from = *at;
+	uint64_t value = 0;
+	*at += back;
+	const char *digits = *at;
+	for (; *at < end && **at >= '0' && **at <= '9'; ++*at)
+		value = value < UINT64_MAX / 100 ? value * 10 + (uint64_t)(**at - '0') : value;
+	*index = 0;
+	if (*at == digits && !back)
+		return true;
+	if (value == 0 || value > count)
+		return text_fault(&o->reader, err, "there is no %s %.*s among the %zu so far", what,
+			(int)(*at - from < 24 ? *at - from : 24), from, count);
+	*index = (uint32_t)(back ? count - value + 1 : value);
+	return true;
+}
+
+static bool read_corner(const struct obj *o, struct span word, struct corner *c, struct error *err)
+{
+	const char *at = word.at, *end = word.at + word.n;
+	*c = (struct corner){ 0 };
+	if (!read_index(o, &at, end, &o->positions, 3, "vertex", &c->position, err))
+		return false;
+	if (at < end && *at == '/') {
+		at++;
+		if (!read_index(o, &at, end, &o->uvs, 2, "texture coordinate", &c->uv, err))
+			return false;
+	}
+	if (at < end && *at == '/') {
+		at++;
+		if (!read_index(o, &at, end, &o->normals, 3, "normal", &c->normal, err))
+			return false;
+	}
+	if (at != end || !c->position)
+		return text_fault(
+			&o->reader, err, "\"%.*s\" is not a corner", (int)(word.n < 40 ? word.n : 40), word.at);
+	return true;
+}
+
+static bool add_triangle(
+	struct obj *o, const struct corner *a, const struct corner *b, const struct corner *c, struct error *err)
+{
+	if (o->n == o->limits->max_triangles)
+		return error_set(err, "more than the %u triangles that are allowed", o->limits->max_triangles);
+	if (o->n == o->room) {
+		const size_t room = o->room ? o->room * 2 : 4096;
+		struct triangle *grown = reallocarray(o->triangles, room, sizeof *grown);
+		if (!grown)
+			return error_set(err, "no memory for its triangles");
+		o->triangles = grown;
+		o->room = room;
+	}
+	o->triangles[o->n++] = (struct triangle){ { *a, *b, *c }, (uint32_t)o->material };
+	return true;
+}
+
+/* A face laid flat, along the axes that its normal (Newell) is furthest from. */
+struct flat {
+	double x[CORNERS_MAX], y[CORNERS_MAX];
+};
+
+static void lay_flat(const struct obj *o, const struct corner *corners, int n, struct flat *flat)
+{
+	double normal[3] = { 0 };
+	for (int i = 0; i < n; i++) {
+		const float *p = &o->positions.list[3 * (size_t)(corners[i].position - 1)];
+		const float *q = &o->positions.list[3 * (size_t)(corners[(i + 1) % n].position - 1)];
+		for (int k = 0; k < 3; k++) {
+			const int u = (k + 1) % 3, v = (k + 2) % 3;
+			normal[k] += ((double)p[u] - q[u]) * ((double)p[v] + q[v]);
+		}
+	}
+	int axis = 0;
+	for (int k = 1; k < 3; k++)
+		if (fabs(normal[k]) > fabs(normal[axis]))
+			axis = k;
+	const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+	const double sign = normal[axis] < 0 ? -1 : 1; /* counter-clockwise in the plane */
+	for (int i = 0; i < n; i++) {
+		const float *p = &o->positions.list[3 * (size_t)(corners[i].position - 1)];
+		flat->x[i] = sign * p[u];
+		flat->y[i] = p[v];
+	}
+}
+
+static double turn(const struct flat *f, int a, int b, int c)
+{
+	return (f->x[b] - f->x[a]) * (f->y[c] - f->y[a]) - (f->y[b] - f->y[a]) * (f->x[c] - f->x[a]);
+}
+
+static bool same_point(const struct flat *f, int a, int b)
+{
+	return f->x[a] == f->x[b] && f->y[a] == f->y[b];
+}
+
+/* No other corner lies in the triangle, or on the side that is cut. */
+static bool is_ear(const struct flat *f, const int *left, int n, int i)
+{
+	const int a = left[(i + n - 1) % n], b = left[i], c = left[(i + 1) % n];
+	if (!(turn(f, a, b, c) > 0))
+		return false;
+	for (int k = 0; k < n; k++) {
+		const int p = left[k];
+		if (p == a || p == b || p == c || same_point(f, p, a) || same_point(f, p, b) || same_point(f, p, c))
 			continue;
-		if (!add_material(files, scene->mMaterials[m], build, about, err) ||
-			!mesh_build_part(build, (uint32_t)build->n_materials - 1, err))
+		if (turn(f, a, b, p) >= 0 && turn(f, b, c, p) >= 0 && turn(f, c, a, p) >= 0)
 			return false;
 	}
 	return true;
 }
 
-/* A face in the last line that lost its end, as a file does that was cut off while it was copied. */
-static bool cut_short(const struct scene_file *file)
+/* Ear clipping (Meisters 1975). A face that crosses itself has no ears at some point: then any corner will do. */
+static bool cut_ears(struct obj *o, const struct corner *corners, int n, struct error *err)
 {
-	const unsigned char *data = file->data;
-	size_t n = file->size;
-	if (!n || data[n - 1] == '\n')
-		return false;
-	size_t line = n;
-	while (line && data[line - 1] != '\n')
-		line--;
-	int words = 0;
-	bool space = true;
-	for (size_t i = line; i < n; i++) {
-		const bool blank = data[i] == ' ' || data[i] == '\t' || data[i] == '\r';
-		words += space && !blank;
-		space = blank;
+	struct flat flat;
+	int left[CORNERS_MAX];
+	lay_flat(o, corners, n, &flat);
+	for (int i = 0; i < n; i++)
+		left[i] = i;
+	for (int from = 0; n > 3; n--) {
+		int i = from % n, tried = 0;
+		while (tried < n && !is_ear(&flat, left, n, i)) {
+			i = (i + 1) % n;
+			tried++;
+		}
+		if (!add_triangle(
+			    o, &corners[left[(i + n - 1) % n]], &corners[left[i]], &corners[left[(i + 1) % n]], err))
+			return false;
+		memmove(left + i, left + i + 1, (size_t)(n - i - 1) * sizeof *left);
+		from = i; /* go on where it was, or a disc becomes a fan of needles */
 	}
-	return (data[line] == 'f' || data[line] == 'v') && words < 4 && words > 0 &&
-	       !(data[line + 1] == 't' && words > 2);
+	return add_triangle(o, &corners[left[0]], &corners[left[1]], &corners[left[2]], err);
+}
+
+static bool add_face(struct obj *o, struct error *err)
+{
+	struct corner corners[CORNERS_MAX];
+	int n = 0;
+	for (struct span word = text_word(&o->reader); word.n; word = text_word(&o->reader)) {
+		if (n == CORNERS_MAX)
+			return text_fault(&o->reader, err, "a face with more than %d corners", CORNERS_MAX);
+		if (!read_corner(o, word, &corners[n++], err))
+			return false;
+	}
+	if (n < 3)
+		return text_fault(&o->reader, err, "a face with %d corner%s", n, n == 1 ? "" : "s");
+	if (o->material < 0 && (o->material = obj_materials_get(&o->materials, (struct span){ "", 0 }, err)) < 0)
+		return false;
+	return n == 3 ? add_triangle(o, &corners[0], &corners[1], &corners[2], err) : cut_ears(o, corners, n, err);
+}
+
+/* ---- statements ---- */
+
+/* "mtllib a.mtl b.mtl", or one name with blanks in it; a library that is not there may have the model's name. */
+static bool read_libraries(struct obj *o, struct error *err)
+{
+	const struct span all = text_rest(&o->reader);
+	char name[SCENE_PATH_MAX];
+	if (!all.n || all.n >= sizeof name)
+		return text_fault(&o->reader, err, "mtllib needs the name of a file");
+	memcpy(name, all.at, all.n);
+	name[all.n] = 0;
+	const struct scene_file *whole = scene_files_find(o->files, name);
+	if (whole)
+		return obj_materials_read(&o->materials, whole, err);
+	char *state, *part = strtok_r(name, " \t", &state);
+	for (; part; part = strtok_r(NULL, " \t", &state)) {
+		char other[SCENE_PATH_MAX + 8];
+		const struct scene_file *file = scene_files_find(o->files, part);
+		if (!file) {
+			const char *model = o->reader.file->name;
+			snprintf(other, sizeof other, "%.*s.mtl", (int)(strlen(model) - 4), model);
+			file = scene_files_find(o->files, other);
+		}
+		if (!file)
+			return text_fault(&o->reader, err, "the material library %.150s is missing", part);
+		if (!obj_materials_read(&o->materials, file, err))
+			return false;
+	}
+	return true;
+}
+
+static bool read_statement(struct obj *o, struct error *err)
+{
+	const struct span word = text_word(&o->reader);
+	if (span_is(word, "v"))
+		return add_position(o, err);
+	if (span_is(word, "vt"))
+		return add_numbers(o, &o->uvs, 2, 1, err);
+	if (span_is(word, "vn"))
+		return add_numbers(o, &o->normals, 3, 3, err);
+	if (span_is(word, "f"))
+		return add_face(o, err);
+	if (span_is(word, "mtllib"))
+		return read_libraries(o, err);
+	if (span_is(word, "usemtl"))
+		return (o->material = obj_materials_get(&o->materials, text_rest(&o->reader), err)) >= 0;
+	return true; /* groups, smoothing, lines, points, curves: nothing that is drawn differently */
+}
+
+/* ---- into the build ---- */
+
+/* y up, whatever the file has. */
+static void take_vector(const float from[3], char up, float to[3])
+{
+	to[0] = from[0];
+	to[1] = up == 'z' ? from[2] : from[1];
+	to[2] = up == 'z' ? -from[1] : from[2];
+}
+
+static uint32_t add_vertex(const struct obj *o, const struct corner *c, struct mesh_build *build)
+{
+	struct mesh_vertex v = { 0 };
+	take_vector(&o->positions.list[3 * (size_t)(c->position - 1)], o->up, v.position);
+	if (c->normal)
+		take_vector(&o->normals.list[3 * (size_t)(c->normal - 1)], o->up, v.normal);
+	if (c->uv)
+		memcpy(v.uv, &o->uvs.list[2 * (size_t)(c->uv - 1)], sizeof v.uv);
+	return mesh_build_vertex(build, &v);
+}
+
+/* Triangles of one material after the other: the list is gone through once, into places counted before. */
+static bool build_mesh(const struct obj *o, struct mesh_build *build, struct scene_about *about, struct error *err)
+{
+	uint32_t *ends = calloc(o->materials.n + 1, sizeof *ends), *order = malloc((o->n + 1) * sizeof *order);
+	bool sound = (ends && order) || error_set(err, "no memory for its triangles");
+	sound = sound && mesh_build_reserve(build, 3 * o->n, 3 * o->n, err);
+	for (size_t i = 0; sound && i < o->n; i++)
+		ends[o->triangles[i].material + 1]++;
+	for (size_t m = 0; sound && m < o->materials.n; m++)
+		ends[m + 1] += ends[m];
+	for (size_t i = 0; sound && i < o->n; i++)
+		order[ends[o->triangles[i].material]++] = (uint32_t)i;
+	for (size_t m = 0, at = 0; sound && m < o->materials.n; m++) {
+		if (at == ends[m])
+			continue; /* nothing has it */
+		for (; at < ends[m]; at++) {
+			const struct corner *c = o->triangles[order[at]].corners;
+			const uint32_t a = add_vertex(o, &c[0], build), b = add_vertex(o, &c[1], build);
+			mesh_build_triangle(build, a, b, add_vertex(o, &c[2], build));
+		}
+		sound = obj_materials_add(&o->materials, m, o->files, build, about, err) &&
+			mesh_build_part(build, (uint32_t)build->n_materials - 1, err);
+	}
+	free(ends);
+	free(order);
+	return sound;
+}
+
+static void finish(struct obj *o)
+{
+	free(o->positions.list);
+	free(o->uvs.list);
+	free(o->normals.list);
+	free(o->triangles);
+	free(o->materials.list);
+	free(o);
 }
 
 bool scene_obj_read(const struct scene_files *files, const struct scene_file *model, struct mesh_build *build,
 	struct scene_about *about, struct error *err)
 {
-	struct vfs vfs = { .files = files, .model = model };
-	vfs.io = (struct aiFileIO){ file_open, file_close, (aiUserData)(void *)&vfs };
-	if (cut_short(model))
-		return error_set(err, "%.150s is cut short: its last line is not complete", model->name);
-	const struct aiScene *scene = aiImportFileEx(model->name, aiProcess_Triangulate, &vfs.io);
-	if (!scene)
-		return error_set(err, "%.150s: %.300s", model->name, aiGetErrorString());
-	bool sound = true;
-	if (vfs.missing[0] && !vfs.library)
-		sound = error_set(err, "%.150s: the material library %.150s is missing", model->name, vfs.missing);
-	sound = sound && add_scene(files, scene, build, about, err);
-	aiReleaseImport(scene);
+	struct obj *o = calloc(1, sizeof *o);
+	if (!o)
+		return error_set(err, "out of memory");
+	o->files = files;
+	o->limits = &build->limits;
+	o->material = -1;
+	o->up = about->up;
+	bool sound = text_begin(&o->reader, model, err);
+	while (sound && text_next_line(&o->reader))
+		sound = read_statement(o, err);
+	if (sound && !o->n)
+		sound = error_set(err, "%.150s has no faces", model->name);
+	sound = sound && build_mesh(o, build, about, err);
+	finish(o);
 	return sound && mesh_build_mend(build, err) && mesh_build_weld(build, err);
 }

@@ -34,7 +34,7 @@ static const struct scene_file *find_model(
 	return file;
 }
 
-bool scene_parse(
+static bool parse(
 	const struct scene_files *files, struct mesh_build *build, struct scene_about *about, struct error *err)
 {
 	struct scene_description d = { 0 };
@@ -46,4 +46,16 @@ bool scene_parse(
 		return scene_heightmap_read(files, &d, build, err);
 	const struct scene_file *model = find_model(files, &d, err);
 	return model && scene_obj_read(files, model, build, about, err);
+}
+
+bool scene_parse(
+	const struct scene_files *files, struct mesh_build *build, struct scene_about *about, struct error *err)
+{
+	if (parse(files, build, about, err))
+		return true;
+	/* It quotes names from the files: one line whatever is in them. */
+	for (char *c = err->text; *c; c++)
+		if ((unsigned char)*c < 0x20 || *c == 0x7F)
+			*c = '?';
+	return false;
 }

@@ -380,6 +380,8 @@ static void read_upload(struct scenes *s, struct upload *upload)
 	answer(told, loaded == LOADED ? SCENES_FOUND : SCENES_FAULTY, err.text);
 	told->next = NULL;
 	if (loaded == LOADED && (e = entry_for_upload(s, name))) {
+		if (e->archive_fd >= 0)
+			close(e->archive_fd);
 		e->archive_fd = bundle_fd;
 		memcpy(e->key, key, sizeof e->key);
 		snprintf(told->name, sizeof told->name, "%s", name);
