@@ -78,12 +78,13 @@ struct problem_reply {
 
 static const struct problem_reply problem_replies[] = {
 	{ 400, "Malformed", "The query or the body cannot be read.", NULL },
+	{ 403, "Forbidden", "This server takes no uploads.", NULL },
 	{ 404, "NotFound", "There is no such resource.", NULL },
 	{ 405, "MethodNotAllowed", "The resource does not answer to this method.", "Allow" },
 	{ 406, "NotAcceptable", "None of the types in Accept can be made.", NULL },
 	{ 413, "TooLarge", "The body is too large.", NULL },
 	{ 414, "UriTooLong", "The URL is too long.", NULL },
-	{ 415, "UnsupportedType", "The body is not JSON.", NULL },
+	{ 415, "UnsupportedType", "The body is of a type that the resource does not take.", NULL },
 	{ 422, "OutOfRange", "Fields are unknown, out of range, in contradiction or outside the domain of the method.",
 		NULL },
 	{ 429, "QueueFull", "Too much is waiting already.", "Retry-After" },
@@ -104,6 +105,7 @@ struct operation {
 	const char *body; /* schema of the JSON body, or NULL */
 	bool renders;     /* waits in the queue; by GET, takes every field in the query */
 	struct media replies[4];
+	bool uploads; /* its body is an archive */
 };
 
 static const struct operation operations[] = {
@@ -118,6 +120,12 @@ static const struct operation operations[] = {
 		false, { { "application/json", "Methods" } } },
 	{ "/v1/presets", "get", "presets", "The presets and the fields they set", NULL, false,
 		{ { "application/json", "Presets" } } },
+	{ "/v1/scenes", "get", "scenes", "The scenes that scene.name may be, and what is wrong with the others", NULL,
+		false, { { "application/json", "Scenes" } } },
+	{ "/v1/scenes", "post", "uploadScene",
+		"Upload a scene: an archive of its OBJ, MTL and PNG files, and perhaps a scene.json; the reply names "
+		"it",
+		NULL, false, { { "application/json", "Scene" } }, true },
 	{ "/version", "get", "version", "Version, build, device and limits", NULL, false,
 		{ { "application/json", "Version" } } },
 	{ "/openapi.json", "get", "openapi", "This document", NULL, false, { { "application/json", NULL } } },
@@ -146,7 +154,7 @@ static void add_success(cJSON *responses, const struct operation *op, bool body)
 	static const char *const rendered[] = { "ETag", "Cache-Control", "Server-Timing", "Welkin-Method",
 		"Welkin-Device", "Welkin-Plan", "Welkin-Expected-Error", NULL };
 	cJSON *ok = doc_object(responses, "200");
-	doc_string(ok, "description", op->summary);
+	doc_string(ok, "description", op->uploads ? "The same was uploaded before." : op->summary);
 	if (op->renders)
 		add_header_refs(ok, rendered);
 	cJSON *content = body ? doc_object(ok, "content") : NULL;
@@ -162,7 +170,10 @@ static void add_success(cJSON *responses, const struct operation *op, bool body)
 /* Which problems an operation can end in; 404 and 405 are of paths and methods not in the document. */
 static bool may_fail(const struct operation *op, int status)
 {
+	if (op->uploads)
+		return status == 403 || status == 413 || status == 415 || status == 422 || status == 503;
 	switch (status) {
+	case 403:
 	case 404:
 	case 405:
 		return false;
@@ -188,6 +199,24 @@ static void add_problems(cJSON *responses, const struct operation *op)
 	doc_ref(responses, "default", "responses/Problem");
 }
 
+static void add_archive_body(cJSON *operation)
+{
+	static const char *const types[] = { "application/zip", "application/x-tar", "application/gzip",
+		"application/octet-stream" };
+	cJSON *body = doc_object(operation, "requestBody");
+	doc_bool(body, "required", 1);
+	cJSON *content = doc_object(body, "content");
+	for (size_t i = 0; i < sizeof types / sizeof types[0]; i++)
+		doc_object(content, types[i]);
+}
+
+static void add_created(cJSON *responses)
+{
+	cJSON *created = doc_object(responses, "201");
+	doc_string(created, "description", "It can be asked for by its name, until others take its place.");
+	doc_ref(doc_object(doc_object(created, "content"), "application/json"), "schema", "schemas/Scene");
+}
+
 /* suffix: what HEAD adds to the id of GET. */
 static void add_operation(cJSON *path, const struct operation *op, const char *method, const char *suffix)
 {
@@ -205,9 +234,14 @@ static void add_operation(cJSON *path, const struct operation *op, const char *m
 		doc_bool(body, "required", 1);
 		doc_ref(doc_object(doc_object(body, "content"), "application/json"), "schema", pointer);
 	}
+	if (op->uploads)
+		add_archive_body(o);
 	cJSON *responses = doc_object(o, "responses");
 	add_success(responses, op, !*suffix);
-	if (!op->body && strcmp(op->path, "/version") != 0) /* which says how things are now */
+	if (op->uploads)
+		add_created(responses);
+	/* these two say how things are now */
+	if (!op->body && strcmp(op->path, "/version") != 0 && strcmp(op->path, "/v1/scenes") != 0)
 		doc_ref(responses, "304", "responses/NotModified");
 	add_problems(responses, op);
 }
@@ -227,7 +261,12 @@ static void add_options(cJSON *path, const struct operation *op)
 
 static void add_path(cJSON *paths, const struct operation *op)
 {
-	cJSON *path = doc_object(paths, op->path);
+	cJSON *path = cJSON_GetObjectItemCaseSensitive(paths, op->path);
+	if (path) { /* the second method of a resource */
+		add_operation(path, op, op->method, "");
+		return;
+	}
+	path = doc_object(paths, op->path);
 	add_operation(path, op, op->method, "");
 	if (!strcmp(op->method, "get"))
 		add_operation(path, op, "head", "Head");

@@ -176,6 +176,36 @@ static void add_methods(cJSON *schemas)
 	property(item, "ms_1280x720", "number", "Device time of a frame of that size.");
 }
 
+static void add_scene(cJSON *schemas)
+{
+	cJSON *scene = add_schema(schemas, "Scene", "A mesh that may stand under the sky.");
+	cJSON *required = doc_array(scene, "required");
+	doc_string(required, NULL, "name");
+	doc_string(required, NULL, "state");
+	property(scene, "name", "string", "As in scene.name.");
+	property(scene, "source", "string", "built-in, folder or upload.");
+	property(scene, "state", "string", "ready; faulty, which cannot be asked for; unread.");
+	property(scene, "fault", "string", "What is wrong with a faulty one.");
+	property(scene, "triangles", "integer", "How many it has.");
+	property(scene, "vertices", "integer", "How many it has.");
+	property(scene, "textures", "integer", "How many it has.");
+	property(scene, "bytes", "integer", "Memory of its mesh.");
+	property(scene, "key", "string", "A hash of its files.");
+	cJSON *bounds = property(scene, "bounds_m", "object", "Its corners in its own frame, before scale and turn.");
+	doc_object(bounds, "properties");
+	property_list(bounds, "low", "number", "Least x, y, z.");
+	property_list(bounds, "high", "number", "Greatest x, y, z.");
+	property_list(scene, "materials", "string", "Names of the first of its materials.");
+	property(scene, "placing", "object",
+		"What the fields of scene are by default: latitude and longitude where the scene says that it lies.");
+	property(scene, "title", "string", "What it shows.");
+	property(scene, "licence", "string", "Under which terms.");
+	property(scene, "source_of_data", "string", "Where it comes from.");
+	cJSON *schema = add_schema(schemas, "Scenes", "The scenes of this server.");
+	cJSON *list = property(schema, "scenes", "array", "Sorted by name.");
+	doc_ref(list, "items", "schemas/Scene");
+}
+
 void openapi_schemas(cJSON *schemas)
 {
 	add_direction(schemas);
@@ -183,6 +213,7 @@ void openapi_schemas(cJSON *schemas)
 	add_radiance_reply(schemas);
 	add_metadata(schemas);
 	add_methods(schemas);
+	add_scene(schemas);
 
 	cJSON *schema = add_schema(schemas, "Presets", "The presets of this server.");
 	cJSON *item = property_list(schema, "presets", "object", "In the order of atmosphere.preset.");

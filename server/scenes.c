@@ -606,7 +606,7 @@ static void add_mesh(struct text *text, const struct entry *e)
 	text_puts(text, "}");
 	add_text(text, "title", a->title);
 	add_text(text, "licence", a->licence);
-	add_text(text, "source", a->source);
+	add_text(text, "source_of_data", a->source);
 }
 
 static void add_scene(struct text *text, const struct entry *e)

@@ -65,7 +65,7 @@ static void test_all_resources_are_there(void **state)
 {
 	(void)state;
 	static const char *const read[] = { "/v1/render.png", "/v1/render.exr", "/v1/methods", "/v1/presets",
-		"/version", "/openapi.json", "/" };
+		"/v1/scenes", "/version", "/openapi.json", "/" };
 	static const char *const post[] = { "/v1/render", "/v1/radiance" };
 	for (size_t i = 0; i < sizeof read / sizeof read[0]; i++) {
 		at(document, "paths", read[i], "get", "responses", "200", "content", NULL);
@@ -76,7 +76,7 @@ static void test_all_resources_are_there(void **state)
 		at(document, "paths", post[i], "post", "requestBody", "content", "application/json", "schema", NULL);
 		at(document, "paths", post[i], "options", NULL);
 	}
-	assert_int_equal(cJSON_GetArraySize(at(document, "paths", NULL)), 9);
+	assert_int_equal(cJSON_GetArraySize(at(document, "paths", NULL)), 10);
 	const cJSON *content = at(document, "paths", "/v1/render", "post", "responses", "200", "content", NULL);
 	at(content, "image/png", NULL);
 	at(content, "image/x-exr", NULL);
@@ -149,10 +149,12 @@ static const char *const refused[] = { "{\"image\":{\"width\":0}}", "{\"image\":
 	"{\"camera\":{\"position_m\":[1,2,3,4]}}", "{\"ground\":{\"albedo\":1.5}}",
 	"{\"ground\":{\"albedo\":[0.1,0.2]}}", "{\"atmosphere\":{\"aerosol\":{\"g\":1}}}",
 	"{\"tone\":{\"map\":\"magic\"}}", "{\"atmosphere\":{\"ozone\":{\"column\":1}}}",
-	"{\"directions\":[{\"vector\":[0,1,0]}]}" };
+	"{\"directions\":[{\"vector\":[0,1,0]}]}", "{\"scene\":{\"name\":\"../x\"}}", "{\"scene\":{\"name\":5}}",
+	"{\"scene\":{\"scale\":0}}" };
 static const char *const accepted[] = { "{}", "{\"sun\":{}}", "{\"atmosphere\":{\"spectrum\":4}}",
 	"{\"atmosphere\":{\"spectrum\":\"rgb\"}}", "{\"ground\":{\"albedo\":0.5}}", "{\"image\":{\"layers\":[]}}",
-	"{\"image\":{\"layers\":[\"depth\"]}}" };
+	"{\"image\":{\"layers\":[\"depth\"]}}", "{\"scene\":{\"name\":\"\"}}",
+	"{\"scene\":{\"name\":\"Alps-2_a.b\",\"scale\":2}}" };
 
 static void write_examples(FILE *file)
 {
