@@ -144,7 +144,7 @@ RUN_DEPS   := build-essential pkg-config libmicrohttpd-dev libepoxy-dev libegl-d
               libdeflate-dev libopenexr-dev libnova-dev libsystemd-dev libinih-dev libcjson-dev \
               libarchive-dev libseccomp-dev nettle-dev
 CHECK_DEPS := $(RUN_DEPS) git curl libcmocka-dev libcurl4-openssl-dev libgsl-dev gnuplot-nox clang libclang-rt-14-dev clang-format \
-              assimp-testmodels zip cppcheck glslang-tools openexr pngcheck prometheus chromium chromium-driver python3-jsonschema \
+              assimp-testmodels cppcheck glslang-tools openexr pngcheck prometheus chromium chromium-driver python3-jsonschema \
               openapi-specification python3-yaml python3-requests haproxy varnish systemd
 
 # Installs what is missing of the named packages; without root or sudo it prints the line to type.

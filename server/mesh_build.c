@@ -44,19 +44,19 @@ uint32_t mesh_build_vertex(struct mesh_build *b, const struct mesh_vertex *verte
 	return (uint32_t)b->n_vertices++;
 }
 
-void mesh_build_triangle(struct mesh_build *b, uint32_t a, uint32_t c, uint32_t d)
+void mesh_build_triangle(struct mesh_build *build, uint32_t a, uint32_t b, uint32_t c)
 {
-	uint32_t *at = b->indices + b->n_indices;
+	uint32_t *at = build->indices + build->n_indices;
 	at[0] = a;
-	at[1] = c;
-	at[2] = d;
-	b->n_indices += 3;
+	at[1] = b;
+	at[2] = c;
+	build->n_indices += 3;
 }
 
-void mesh_build_quad(struct mesh_build *b, uint32_t a, uint32_t c, uint32_t d, uint32_t e)
+void mesh_build_quad(struct mesh_build *build, uint32_t a, uint32_t b, uint32_t c, uint32_t d)
 {
-	mesh_build_triangle(b, a, c, d);
-	mesh_build_triangle(b, a, d, e);
+	mesh_build_triangle(build, a, b, c);
+	mesh_build_triangle(build, a, c, d);
 }
 
 struct mesh_material mesh_build_plain(void)

@@ -233,6 +233,7 @@ static int print_faults(const struct welkin_faults *faults)
 /* ---- the scene ---- */
 
 struct scene_wait {
+	struct scenes_waiter waiter;
 	pthread_mutex_t lock;
 	pthread_cond_t told_it;
 	bool told;
@@ -247,17 +248,16 @@ static void scene_told(struct scenes_waiter *waiter)
 	pthread_mutex_unlock(&wait->lock);
 }
 
-static void wait_for_scene(struct scenes *scenes, const char *name, struct scenes_waiter *waiter)
+static void wait_for_scene(struct scenes *scenes, const char *name, struct scene_wait *wait)
 {
-	struct scene_wait wait = { PTHREAD_MUTEX_INITIALIZER, PTHREAD_COND_INITIALIZER, false };
-	waiter->done = scene_told;
-	waiter->cls = &wait;
-	if (scenes_find(scenes, name, waiter))
+	wait->waiter.done = scene_told;
+	wait->waiter.cls = wait;
+	if (scenes_find(scenes, name, &wait->waiter))
 		return;
-	pthread_mutex_lock(&wait.lock);
-	while (!wait.told)
-		pthread_cond_wait(&wait.told_it, &wait.lock);
-	pthread_mutex_unlock(&wait.lock);
+	pthread_mutex_lock(&wait->lock);
+	while (!wait->told)
+		pthread_cond_wait(&wait->told_it, &wait->lock);
+	pthread_mutex_unlock(&wait->lock);
 }
 
 /* The mesh of the scene that the draft names, if it does; what is wrong with it is a fault. */
@@ -274,15 +274,15 @@ static bool read_scene(const struct command *command, const struct welkin_draft 
 	if (faults->n || !draft->given[welkin_field_find("scene.name")] || !*name)
 		return true;
 	struct scenes *scenes = scenes_start(&config, err);
-	struct scenes_waiter waiter = { 0 };
+	struct scene_wait wait = { .lock = PTHREAD_MUTEX_INITIALIZER, .told_it = PTHREAD_COND_INITIALIZER };
 	if (!scenes)
 		return false;
-	wait_for_scene(scenes, name, &waiter);
-	*mesh = waiter.mesh;
-	if (waiter.answer == SCENES_UNKNOWN)
-		welkin_fault_add(faults, 422, "scene.name", waiter.fault, "there is no scene \"%s\"", name);
-	else if (!waiter.mesh)
-		welkin_fault_add(faults, 422, "scene.name", "", "this scene can't be used: %s", waiter.fault);
+	wait_for_scene(scenes, name, &wait);
+	*mesh = wait.waiter.mesh;
+	if (wait.waiter.answer == SCENES_UNKNOWN)
+		welkin_fault_add(faults, 422, "scene.name", wait.waiter.fault, "there is no scene \"%s\"", name);
+	else if (!*mesh)
+		welkin_fault_add(faults, 422, "scene.name", "", "this scene can't be used: %s", wait.waiter.fault);
 	scenes_destroy(scenes);
 	return true;
 }

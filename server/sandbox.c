@@ -20,9 +20,9 @@ enum { SANITIZED = 0 };
 enum { SANITIZED = 0 };
 #endif
 
-static void limit(int resource, rlim_t value)
+static void limit(int resource, rlim_t soft, rlim_t hard)
 {
-	const struct rlimit both = { value, value };
+	const struct rlimit both = { soft, hard };
 	setrlimit(resource, &both);
 }
 
@@ -81,11 +81,11 @@ static int add_rules(scmp_filter_ctx filter)
 
 bool sandbox_enter(size_t memory_bytes, size_t file_bytes, unsigned cpu_s, struct error *err)
 {
-	limit(RLIMIT_CORE, 0);
-	limit(RLIMIT_FSIZE, file_bytes);
-	limit(RLIMIT_CPU, cpu_s);
+	limit(RLIMIT_CORE, 0, 0);
+	limit(RLIMIT_FSIZE, file_bytes, file_bytes);
+	limit(RLIMIT_CPU, cpu_s, cpu_s + 1); /* SIGXCPU says why, before SIGKILL says nothing */
 	if (!SANITIZED)
-		limit(RLIMIT_AS, memory_bytes);
+		limit(RLIMIT_AS, memory_bytes, memory_bytes);
 	if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) || prctl(PR_SET_DUMPABLE, SANITIZED, 0, 0, 0))
 		return error_set(err, "prctl: %s", strerror(errno));
 	scmp_filter_ctx filter = seccomp_init(SCMP_ACT_KILL_PROCESS);

@@ -43,6 +43,12 @@ struct obj {
 
 /* ---- numbers ---- */
 
+/* The one of that index, which counts from 1. */
+static const float *entry(const struct numbers *numbers, uint32_t index, int width)
+{
+	return numbers->list + (size_t)width * (index - 1);
+}
+
 static bool add_numbers(struct obj *o, struct numbers *to, int wanted, int needed, struct error *err)
 {
 	if (to->n + (size_t)wanted > to->room) {
@@ -76,7 +82,7 @@ static bool add_position(struct obj *o, struct error *err)
 {
 	if (!add_numbers(o, &o->positions, 3, 3, err))
 		return false;
-	const float *p = &o->positions.list[o->positions.n - 3];
+	const float *p = o->positions.list + o->positions.n - 3;
 	for (int k = 0; k < 3; k++)
 		if (fabsf(p[k]) > farthest_m)
 			return text_fault(&o->reader, err,
@@ -156,8 +162,8 @@ static void lay_flat(const struct obj *o, const struct corner *corners, int n, s
 {
 	double normal[3] = { 0 };
 	for (int i = 0; i < n; i++) {
-		const float *p = &o->positions.list[3 * (size_t)(corners[i].position - 1)];
-		const float *q = &o->positions.list[3 * (size_t)(corners[(i + 1) % n].position - 1)];
+		const float *p = entry(&o->positions, corners[i].position, 3);
+		const float *q = entry(&o->positions, corners[(i + 1) % n].position, 3);
 		for (int k = 0; k < 3; k++) {
 			const int u = (k + 1) % 3, v = (k + 2) % 3;
 			normal[k] += ((double)p[u] - q[u]) * ((double)p[v] + q[v]);
@@ -170,7 +176,7 @@ static void lay_flat(const struct obj *o, const struct corner *corners, int n, s
 	const int u = (axis + 1) % 3, v = (axis + 2) % 3;
 	const double sign = normal[axis] < 0 ? -1 : 1; /* counter-clockwise in the plane */
 	for (int i = 0; i < n; i++) {
-		const float *p = &o->positions.list[3 * (size_t)(corners[i].position - 1)];
+		const float *p = entry(&o->positions, corners[i].position, 3);
 		flat->x[i] = sign * p[u];
 		flat->y[i] = p[v];
 	}
@@ -304,11 +310,11 @@ static void take_vector(const float from[3], char up, float to[3])
 static uint32_t add_vertex(const struct obj *o, const struct corner *c, struct mesh_build *build)
 {
 	struct mesh_vertex v = { 0 };
-	take_vector(&o->positions.list[3 * (size_t)(c->position - 1)], o->up, v.position);
+	take_vector(entry(&o->positions, c->position, 3), o->up, v.position);
 	if (c->normal)
-		take_vector(&o->normals.list[3 * (size_t)(c->normal - 1)], o->up, v.normal);
+		take_vector(entry(&o->normals, c->normal, 3), o->up, v.normal);
 	if (c->uv)
-		memcpy(v.uv, &o->uvs.list[2 * (size_t)(c->uv - 1)], sizeof v.uv);
+		memcpy(v.uv, entry(&o->uvs, c->uv, 2), sizeof v.uv);
 	return mesh_build_vertex(build, &v);
 }
 

@@ -174,6 +174,32 @@ static cJSON *json_file(const char *name)
 	return json;
 }
 
+/* A scene that is made, one in a folder, one that is not there. */
+static void test_scenes(void **state)
+{
+	(void)state;
+	struct ran ran = run_well("-o city.json scene.name=city image.width=32 image.height=16");
+	ran = run("-o none.png scene.name=atlantis");
+	assert_int_equal(ran.status, 2);
+	assert_says(&ran, "scene.name: there is no scene \"atlantis\"");
+	assert_says(&ran, "one of city, mountains");
+	char command[PATH_MAX + 256];
+	snprintf(command, sizeof command,
+		"cd %s && mkdir -p scenes/hill scenes/bad && printf 'v 0 9 0\\nv 4 9 0\\nv 0 9 4\\nf 1 3 2\\n' > "
+		"scenes/hill/a.obj && echo 'f 1 2 3' > scenes/bad/a.obj",
+		folder);
+	assert_int_equal(system(command), 0);
+	run_well("-o hill.json --scene-dir scenes scene.name=hill image.width=32 image.height=16");
+	snprintf(command, sizeof command, "grep -q '\"altitude_m\":10.7,\"above_ground_m\":1.7' %s/hill.json", folder);
+	assert_int_equal(system(command), 0);
+	ran = run("-o bad.png --scene-dir scenes scene.name=bad");
+	assert_int_equal(ran.status, 2);
+	assert_says(&ran, "a.obj, line 1: there is no vertex 1");
+	ran = run("-o bad.png --scene-dir nowhere scene.name=bad");
+	assert_int_equal(ran.status, 2);
+	assert_says(&ran, "scene-dir nowhere");
+}
+
 static void test_json(void **state)
 {
 	(void)state;
@@ -308,6 +334,7 @@ int main(void)
 		cmocka_unit_test(test_png_and_exr),
 		cmocka_unit_test(test_ways_to_ask),
 		cmocka_unit_test(test_same_bytes_as_over_http),
+		cmocka_unit_test(test_scenes),
 		cmocka_unit_test(test_json),
 		cmocka_unit_test(test_every_fault_is_named),
 		cmocka_unit_test(test_wrong_command_lines),

@@ -136,19 +136,54 @@ static void written_and_bound(void **state)
 	tables_destroy(tables);
 }
 
+static int destroyed;
+
+static void destroy(void *object)
+{
+	destroyed++;
+	*(int *)object = 0;
+}
+
+/* What is not a table is kept by the same budget, and goes by the same rule. */
+static void other_objects(void **state)
+{
+	(void)state;
+	static const char kind, other;
+	static int objects[3] = { 1, 2, 3 };
+	struct error err = { "" };
+	struct frame_tables *tables = tables_of(2);
+	destroyed = 0;
+	tables_begin_slice(tables);
+	assert_null(tables_kept(tables, &kind, "a", 1));
+	assert_true(tables_keep(tables, &kind, "a", 1, &objects[0], 1e6, destroy, &err));
+	assert_ptr_equal(tables_kept(tables, &kind, "a", 1), &objects[0]);
+	assert_null(tables_kept(tables, &other, "a", 1));
+	assert_null(tables_kept(tables, &kind, "b", 1));
+	/* in use in this slice: both stay, over the budget */
+	assert_true(tables_keep(tables, &kind, "b", 1, &objects[1], 2e6, destroy, &err));
+	assert_int_equal(destroyed, 0);
+	tables_begin_slice(tables);
+	assert_non_null(tables_kept(tables, &kind, "b", 1));
+	assert_true(tables_keep(tables, &other, "a", 1, &objects[2], 1e5, destroy, &err));
+	assert_int_equal(destroyed, 1);
+	assert_int_equal(objects[0], 0);
+	tables_destroy(tables);
+	assert_int_equal(destroyed, 3);
+}
+
 static void faults(void **state)
 {
 	(void)state;
 	static const struct table_desc unknown = {
 		.name = "nothing", .width = 4, .height = 4, .internal_format = GL_R8
 	};
-	static const char key[1100];
+	static const char key[1300];
 	struct error err = { "" };
 	struct frame_tables *tables = tables_of(2);
 	assert_int_equal(tables_need(tables, &unknown, key, 4, 0, &err), TABLE_FAILED);
 	assert_non_null(strstr(err.text, "tables/nothing.comp"));
 	assert_int_equal(tables_need(tables, &desc, key, sizeof key, 0, &err), TABLE_FAILED);
-	assert_non_null(strstr(err.text, "1100"));
+	assert_non_null(strstr(err.text, "1300"));
 	assert_true(tables_bytes(tables) == 0);
 	tables_destroy(tables);
 	tables_destroy(NULL);
@@ -162,6 +197,7 @@ int main(void)
 		cmocka_unit_test(tables_in_use_stay),
 		cmocka_unit_test(a_hundred_keys),
 		cmocka_unit_test(written_and_bound),
+		cmocka_unit_test(other_objects),
 		cmocka_unit_test(faults),
 	};
 	return cmocka_run_group_tests_name("tables", tests, lib_gpu_open, lib_gpu_close);
