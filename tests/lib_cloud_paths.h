@@ -10,7 +10,7 @@ struct cloud_paths {
 	unsigned seed;
 };
 
-enum { PATHS_TOGETHER = 8 };
+enum { PATHS_TOGETHER = 2 };
 
 /* At 550 nm; radiance in W/m²/sr/nm. */
 struct cloud_paths_answer {
