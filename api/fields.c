@@ -29,7 +29,7 @@ static const char *const cloud_shapes[] = { "dilated_squared", "dilated", "carve
 static const char *const worley_metrics[] = { "euclidean", "manhattan", NULL };
 static const char *const high_clouds[] = { "cirrus", "cirrocumulus", "altocumulus", NULL };
 static const char *const cloud_savings[] = { "steps_by_elevation", "early_exit", "empty_space", "adaptive_steps",
-	"light_volume", "half_resolution", "blue_noise", "offset", NULL };
+	"light_volume", "half_resolution", "blue_noise", "shared_light", NULL };
 
 #define AT(member) offsetof(struct welkin_request, member)
 
@@ -270,7 +270,7 @@ static const struct welkin_field built_in[] = {
 		AT(clouds.light_steps) },
 	{ "clouds.savings", WELKIN_TYPE_FLAGS, "", 0, 0,
 		"steps_by_elevation,early_exit,empty_space,adaptive_steps,light_volume,half_resolution,blue_noise,"
-		"offset",
+		"shared_light",
 		"What makes the march cheaper; an empty value switches all of it off.", cloud_savings,
 		AT(clouds.savings) },
 

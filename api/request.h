@@ -84,7 +84,7 @@ enum welkin_cloud_saving {
 	WELKIN_SAVE_LIGHT_VOLUME = 16,
 	WELKIN_SAVE_HALF_RESOLUTION = 32,
 	WELKIN_SAVE_BLUE_NOISE = 64,
-	WELKIN_SAVE_OFFSET = 128,
+	WELKIN_SAVE_SHARED_LIGHT = 128,
 };
 
 /* Who chose the method, and why this one. Not a field: set where auto is replaced. */

@@ -169,6 +169,12 @@ float cloud_solid(float shape)
 	return 1.0 - exp(-4.0 * shape);
 }
 
+/* 1/m at q with that weather, from its shape before erosion. */
+float cloud_extinction_of(vec3 q, vec4 weather, float shape)
+{
+	return clouds.extinction * cloud_solid(cloud_eroded(q, shape)) * (1.0 + weather.g);
+}
+
 /* 1/m at q, 0 outside the layer. detail 0 leaves out the erosion: nowhere less than with it. */
 float cloud_extinction(vec3 q, int detail)
 {
@@ -177,7 +183,7 @@ float cloud_extinction(vec3 q, int detail)
 	vec4 weather = cloud_weather(q.xz);
 	float shape = cloud_shape(q, weather);
 	if (detail > 0)
-		shape = cloud_eroded(q, shape);
+		return cloud_extinction_of(q, weather, shape);
 	return clouds.extinction * cloud_solid(shape) * (1.0 + weather.g);
 }
 

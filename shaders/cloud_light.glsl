@@ -25,9 +25,10 @@ CloudLight cloud_light_at(vec3 q)
 {
 	q = cloud_grid_home(q);
 	int level = cloud_grid_level(q, 0), next = min(level + 1, CLOUD_GRID_LEVELS - 1);
-	vec4 a = textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, level), level), 0.0);
-	vec4 b = textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, next), next), 0.0);
-	vec4 light = mix(a, b, smoothstep(0.8, 1.0, cloud_grid_reach(q, level)));
+	vec4 light = textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, level), level), 0.0);
+	/* a loop, since a software rasteriser leaves those alone */
+	for (float blend = smoothstep(0.8, 1.0, cloud_grid_reach(q, level)); blend > 0.0; blend = 0.0)
+		light = mix(light, textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, next), next), 0.0), blend);
 	/* transmittance, not depth, is what may be interpolated at a cloud's edge */
 	return CloudLight(light.xyz, -log(max(light.w, 1e-9)) / cloud_light_scale());
 }

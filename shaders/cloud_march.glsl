@@ -39,15 +39,19 @@ float cloud_jitter(uvec2 pixel)
 	return fract(52.9829189 * fract(dot(vec2(pixel), vec2(0.06711056, 0.00583715))));
 }
 
-/* Optical depth from q towards the sun, by light_steps samples on a geometric progression; the last lies far off. */
+/* Optical depth from q towards the sun, by light_steps samples on a geometric progression: the last step is so many times as long
+ * as the first, so that more of them converge. */
+const float LIGHT_STRETCH = 18.9; /* six steps grow by 1.8 each, the last far off */
+
 float cloud_sun_depth(vec3 q, vec3 to_sun)
 {
 	int n = clouds.light_steps;
-	float out_ = to_sun.y > 0.0 ? (clouds.top - q.y) / max(to_sun.y, 0.02) : (q.y - clouds.bottom) / max(-to_sun.y, 0.02);
-	float whole = min(out_, 2.0 * (clouds.top - clouds.bottom)), at = 0.0, depth = 0.0;
-	float growth = 1.8, step_ = whole * (growth - 1.0) / (pow(growth, float(n)) - 1.0);
+	float way_out = to_sun.y > 0.0 ? (clouds.top - q.y) / max(to_sun.y, 0.02) : (q.y - clouds.bottom) / max(-to_sun.y, 0.02);
+	float whole = min(way_out, 2.0 * (clouds.top - clouds.bottom)), at = 0.0, depth = 0.0;
+	float growth = n > 1 ? pow(LIGHT_STRETCH, 1.0 / float(n - 1)) : 1.0;
+	float step_ = n > 1 ? whole * (growth - 1.0) / (pow(growth, float(n)) - 1.0) : whole;
 	for (int i = 0; i < n; i++) {
-		depth += cloud_extinction(q + to_sun * (at + 0.5 * step_), i < 3 ? 1 : 0) * step_;
+		depth += cloud_extinction(q + to_sun * (at + 0.5 * step_), 1) * step_;
 		at += step_;
 		step_ *= growth;
 	}
@@ -70,9 +74,8 @@ float sun_depth_at(vec3 q, vec3 to_sun)
 	return saves(SAVE_LIGHT_VOLUME) ? cloud_light_sun_depth(q, to_sun, 2) : cloud_sun_depth(q, to_sun);
 }
 
-vec3 cloud_source(March m, vec3 q, vec3 to_sun, float nu)
+vec3 cloud_source(March m, vec3 q, float depth, float nu)
 {
-	float depth = sun_depth_at(q, to_sun);
 	if (LIGHTING == CLOUDS_ARTISTIC)
 		return artistic_source(q, depth, nu);
 	return cloud_light_source(cloud_light_at(q), depth, -log(max(m.T, 1e-20)), nu);
@@ -97,21 +100,60 @@ void march_add(inout March m, float t, float depth, vec3 source)
 	m.S *= exp(-x);
 }
 
+const float COARSE = 1.5, HIDDEN = 0.5;
 const float OPAQUE = 0.01; /* less light than this comes through what is not worth following */
 
+/* A stretch of a ray, and what is worked out once for it. */
+struct Stretch {
+	CloudRay ray;
+	float start, end;
+	vec3 sun_at_start, sun_at_end; /* direction to the sun in cloud space, where the vertical leans along the ray */
+	float nu, jitter, pixel;       /* pixel: the angle that the ray stands for, in rad */
+};
+
+vec3 to_sun_at(Stretch s, float t)
+{
+	return mix(s.sun_at_start, s.sun_at_end, (t - s.start) / (s.end - s.start));
+}
+
+/* Optical depth to the sun of the last sample that had its own, and samples since the march came to a cloud. */
+struct SunMemory {
+	float depth;
+	int age;
+};
+
+const int SHARED = 2; /* samples per optical depth to the sun, with SAVE_SHARED_LIGHT */
+
+/* Adds a sample at t with extinction sigma for a step. The loops that run once or not at all are branches that a software
+ * rasteriser leaves as well: it runs both sides of the others. */
+void march_sample(inout March m, inout SunMemory memory, Stretch s, vec3 q, float t, float sigma, float step_)
+{
+	vec3 to_sun = to_sun_at(s, t);
+	if (saves(SAVE_SHARED_LIGHT))
+		for (int own = memory.age++ % SHARED == 0 ? 1 : 0; own > 0; own--)
+			memory.depth = sun_depth_at(q, to_sun);
+	else
+		memory.depth = sun_depth_at(q, to_sun);
+	march_add(m, t, sigma * step_, cloud_source(m, q, memory.depth, s.nu));
+}
+
 /* Every step sampled in full, as many as asked for. */
-void march_uniform(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, float jitter)
+void march_uniform(inout March m, Stretch s)
 {
 	int n = clouds.steps;
 	if (saves(SAVE_STEPS_BY_ELEVATION))
-		n = max(int(mix(float(n), 0.5 * float(n), clamp(abs(ray.mu), 0.0, 1.0))), 1);
-	float step_ = (interval.y - interval.x) / float(n);
-	float nu = dot(d, frame.sun_direction.xyz);
+		n = max(int(mix(float(n), 0.5 * float(n), clamp(abs(s.ray.mu), 0.0, 1.0))), 1);
+	float step_ = (s.end - s.start) / float(n);
+	SunMemory memory = SunMemory(0.0, 0);
 	for (int i = 0; i < n; i++) {
-		float t = interval.x + (float(i) + jitter) * step_;
-		vec3 q = cloud_point(ray, t);
-		float sigma = cloud_extinction(q, 1);
-		march_add(m, t, sigma * step_, cloud_source(m, q, cloud_direction(frame.sun_direction.xyz, up, q), nu));
+		float t = s.start + (float(i) + s.jitter) * step_;
+		vec3 q = cloud_point(s.ray, t);
+		while (saves(SAVE_EMPTY_SPACE) && i < n - 1 && !cloud_maybe(q)) {
+			i++;
+			t += step_;
+			q = cloud_point(s.ray, t);
+		}
+		march_sample(m, memory, s, q, t, cloud_extinction(q, 1), step_);
 		if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE)
 			break;
 	}
@@ -119,40 +161,51 @@ void march_uniform(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, 
 
 const float SMALLEST = 300.0; /* m: clouds shorter than this may be missed between probes, unless a pixel is larger */
 
-/* Probes the weather until there may be a cloud; in space by how much a pixel sees, in depth by how much a step hides. */
-void march_adaptive(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, float jitter, float pixel)
+/* Steps by how much a pixel sees and how much a step hides. */
+void march_adaptive(inout March m, Stretch s)
 {
-	float nu = dot(d, frame.sun_direction.xyz);
-	float finest = (interval.y - interval.x) / float(4 * clouds.steps);
-	float t = interval.x, before = t;
+	float finest = (s.end - s.start) / float(4 * clouds.steps), t = s.start;
 	int left = 8 * clouds.steps, dense = 2 * clouds.steps;
-	t += jitter * max(pixel * t, finest);
-	while (t < interval.y && left > 0 && dense > 0) {
-		bool maybe = false;
-		while (t < interval.y && left > 0) {
-			maybe = cloud_maybe(cloud_point(ray, t));
+	SunMemory memory = SunMemory(0.0, 0);
+	while (t < s.end && left > 0 && dense > 0) {
+		/* where the weather has no clouds; then back to where they may begin */
+		float probe = 0.0;
+		while (saves(SAVE_EMPTY_SPACE) && t < s.end && left > 0 && !cloud_maybe(cloud_point(s.ray, t))) {
 			left--;
-			if (maybe)
-				break;
-			before = t;
-			t += max(SMALLEST, 2.0 * pixel * t);
+			probe = max(SMALLEST, 2.0 * s.pixel * t);
+			t += probe;
 		}
-		if (!maybe)
+		if (t >= s.end && probe == 0.0)
 			break;
-		t = max(before, t - 0.75 * max(SMALLEST, 2.0 * pixel * t)); /* back to where the cloud may begin */
+		float coarse = max(COARSE * s.pixel * t, max(finest, 20.0)), step_ = coarse;
+		t = max(s.start, t - 0.75 * probe) + (s.jitter - 0.5) * coarse;
 		int clear = 0;
-		while (t < interval.y && dense > 0 && clear < 8) {
-			vec3 q = cloud_point(ray, t);
-			float sigma = cloud_extinction(q, 1);
-			float coarse = max(1.5 * pixel * t, max(finest, 20.0));
-			float step_ = sigma > 0.0 ? clamp((0.5 - 0.3 * log(max(m.T, 1e-8))) / sigma, 0.3 * coarse, coarse) : 1.5 * coarse;
-			step_ = min(step_, interval.y - t);
+		memory.age = 0;
+		while (t < s.end && dense > 0 && clear < 8) {
+			/* where noise has carved them away */
+			float middle = t + 0.5 * step_;
+			vec3 q = cloud_point(s.ray, middle);
+			vec4 weather = cloud_weather(q.xz);
+			float shape = cloud_shape(q, weather);
+			while (saves(SAVE_EMPTY_SPACE) && shape <= 0.0 && clear < 8 && middle < s.end && left > 0) {
+				step_ = 1.5 * coarse;
+				middle += step_;
+				q = cloud_point(s.ray, middle);
+				weather = cloud_weather(q.xz);
+				shape = cloud_shape(q, weather);
+				clear++;
+				left--;
+			}
+			t = middle - 0.5 * step_;
+			step_ = min(step_, s.end - t);
+			float sigma = cloud_extinction_of(q, weather, shape);
 			clear = sigma > 0.0 ? 0 : clear + 1;
-			march_add(m, t + 0.5 * step_, sigma * step_, cloud_source(m, q, cloud_direction(frame.sun_direction.xyz, up, q), nu));
-			before = t;
-			t += step_;
+			march_sample(m, memory, s, q, middle, sigma, max(step_, 0.0));
+			t += max(step_, 1.0);
+			coarse = max(COARSE * s.pixel * t, max(finest, 20.0));
+			step_ = sigma > 0.0 ? clamp(HIDDEN * (1.0 - 0.6 * log(max(m.T, 1e-8))) / sigma, 0.3 * coarse, 2.0 * coarse) : 1.5 * coarse;
 			dense--;
-			if (m.S < OPAQUE)
+			if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE)
 				dense = 0;
 		}
 	}
@@ -162,10 +215,13 @@ void march_interval(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up,
 {
 	if (interval.y <= interval.x)
 		return;
+	vec3 sun = frame.sun_direction.xyz;
+	Stretch s = Stretch(ray, interval.x, interval.y, cloud_direction(sun, up, cloud_point(ray, interval.x)),
+		cloud_direction(sun, up, cloud_point(ray, interval.y)), dot(d, sun), jitter, pixel);
 	if (saves(SAVE_ADAPTIVE_STEPS))
-		march_adaptive(m, ray, interval, d, up, jitter, pixel);
+		march_adaptive(m, s);
 	else
-		march_uniform(m, ray, interval, d, up, jitter);
+		march_uniform(m, s);
 }
 
 /* Where the ray meets the high layer: adds it as a sheet. */

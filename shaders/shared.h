@@ -139,7 +139,7 @@ typedef unsigned int uint;
 #define SAVE_LIGHT_VOLUME 16
 #define SAVE_HALF_RESOLUTION 32
 #define SAVE_BLUE_NOISE 64
-#define SAVE_OFFSET 128
+#define SAVE_SHARED_LIGHT 128
 
 /* FrameBlock.projection, cube_face and tone_map: enums of api/request.h, whose order they follow. */
 #define PROJECTION_PERSPECTIVE 0
