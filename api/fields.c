@@ -10,7 +10,7 @@
 
 static const char *const projections[] = { "perspective", "equirectangular", "fisheye", "cube_face", "cubemap", NULL };
 static const char *const cube_faces[] = { "front", "right", "back", "left", "up", "down", NULL };
-static const char *const layers[] = { "depth", "transmittance", "inscatter", "clouds", NULL };
+static const char *const layers[] = { "depth", "transmittance", "inscatter", NULL };
 static const char *const png_bits[] = { "8", "16", NULL };
 static const char *const exr_types[] = { "half", "float", NULL };
 static const char *const exr_compressions[] = { "none", "rle", "zips", "zip", "piz", NULL };

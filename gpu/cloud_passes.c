@@ -6,10 +6,11 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Pixels of an image, not bare directions. */
+/* Pixels of an image, not bare directions; and none that a surface may end, which the lattice does not know. */
 static bool by_lattice(const struct frame *f)
 {
-	return f->job.kind == WELKIN_JOB_IMAGE && f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION;
+	return f->job.kind == WELKIN_JOB_IMAGE && !(f->plan.features & FEATURE_SURFACES) &&
+	       f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION;
 }
 
 static bool choose_lattice(struct workspace *ws, struct frame *f, const char *choices, struct error *err)
@@ -44,10 +45,11 @@ bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error 
 	if (!(f->plan.features & FEATURE_CLOUDS) || f->method->progressive)
 		return true;
 	const struct welkin_clouds *clouds = &f->job.request.clouds;
-	char choices[48];
-	snprintf(choices, sizeof choices, "LIGHTING=%d SAVINGS=%u", clouds->lighting, clouds->savings);
+	const char *surfaces = f->plan.features & FEATURE_SURFACES ? "SURFACES=1" : "";
+	char choices[64];
+	snprintf(choices, sizeof choices, "LIGHTING=%d SAVINGS=%u %s", clouds->lighting, clouds->savings, surfaces);
 	return (f->clouds = programs_get(ws->programs, "clouds.comp", choices, err)) &&
-	       (f->compose = programs_get(ws->programs, "cloud_compose.comp", "", err)) &&
+	       (f->compose = programs_get(ws->programs, "cloud_compose.comp", surfaces, err)) &&
 	       (!by_lattice(f) || choose_lattice(ws, f, choices, err));
 }
 
@@ -105,6 +107,7 @@ void clouds_run(struct workspace *ws, const struct frame *f, const int tile[4], 
 	struct pass march = { .name = "clouds", .program = f->clouds, .threads = { tile[2] * tile[3], 1, 1 } };
 	memcpy(march.tile, tile, sizeof march.tile);
 	march.storage[BIND_DIRECTIONS] = directions;
+	march.storage[BIND_SURFACES] = ws->surface.id;
 	march.storage[BIND_CLOUD_LIGHT] = ws->cloud_light.id;
 	march.storage[BIND_CLOUD_PLACE] = ws->cloud_place.id;
 	if (f->cloud_lattice.corners && f->stage == FRAME_STRIPS)

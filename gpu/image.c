@@ -272,8 +272,9 @@ static void next_tile(struct workspace *ws, struct frame *f, double start_ms, in
 		return;
 	}
 	/* which pixels share a decision to stop must not depend on the clock: same seed, same bytes */
-	const int pixels = f->method->progressive ? (ws->device->info.software ? PROGRESSIVE_SOFTWARE : PROGRESSIVE_HARDWARE)
-						  : frame_afford(ws, f, f->scene.n_batches, start_ms);
+	const int pixels = f->method->progressive
+				   ? (ws->device->info.software ? PROGRESSIVE_SOFTWARE : PROGRESSIVE_HARDWARE)
+				   : frame_afford(ws, f, f->scene.n_batches, start_ms);
 	strips_next(&f->strips, pixels, tile);
 	memcpy(f->tile, tile, sizeof f->tile);
 }

@@ -7,6 +7,7 @@
 #include "aerial.glsl"
 #include "cloud_shadow.glsl"
 #include "colour.glsl"
+#include "surface_distance.glsl"
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
@@ -18,7 +19,7 @@ layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[];
 layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer Place { vec4 place[]; };
 
 /* What the clouds take from the light of the air below them, and from the ground's, along the ray: negative where they shade. */
-vec4 shaded(vec3 d, float through, float jitter)
+vec4 shaded(vec3 d, float t_end, float through, float jitter)
 {
 	CloudRay ray = cloud_ray(d, frame.vertical.xyz, frame.camera_altitude);
 	vec2 under = cloud_below(ray, clouds.bottom);
@@ -27,11 +28,14 @@ vec4 shaded(vec3 d, float through, float jitter)
 	float ground = ray_ground_distance(ray.h, ray.mu);
 	if (ground >= 0.0)
 		under.y = min(under.y, ray.start + ground);
+	under.y = min(under.y, t_end);
+	if (under.y <= under.x)
+		return vec4(0.0);
 	vec4 near_L, near_T, far_L, far_T;
 	aerial_perspective(d, under.x, near_L, near_T);
 	aerial_perspective(d, under.y, far_L, far_T);
 	vec4 change = (cloud_air_light(ray, under, jitter) - 1.0) * max(far_L - near_L, 0.0);
-	if (ground >= 0.0 && (frame.features & FEATURE_GROUND) != 0) {
+	if (ground >= 0.0 && t_end > ray.start + ground && (frame.features & FEATURE_GROUND) != 0) {
 		vec3 q = cloud_point(ray, under.y), to_sun = cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q);
 		float mu_s = clamp(to_sun.y, -1.0, 1.0);
 		vec3 seen = cloud_ground_light(q, to_sun);
@@ -72,7 +76,7 @@ void main()
 	aerial_perspective(at.xyz, where.x + where.y, far_L, far_T);
 	vec4 L = 0.5 * (near_T + far_T) * bands.sun_irradiance * cloud_radiance(at.xyz, answer, where.z) +
 		 (1.0 - answer.x) * 0.5 * (near_L + far_L) +
-		 shaded(at.xyz, answer.x, 0.5);
+		 shaded(at.xyz, surface_distance(i), answer.x, 0.5);
 	if (spectral) {
 		radiance[i] = radiance[i] * answer.x + L;
 		transmittance[i] *= answer.x;

@@ -140,8 +140,8 @@ bool cloud_maybe(vec3 q)
 	return cloud_may_be(q, cloud_weather(q.xz));
 }
 
-/* Density before erosion, and what erosion needs of it. */
-float cloud_shape(vec3 q, vec4 weather)
+/* Density before erosion; where there is none, by how much it falls short of it. */
+float cloud_shape_unbounded(vec3 q, vec4 weather)
 {
 	float height = cloud_height(q.y);
 	vec2 sheared = q.xz - vec2(clouds.shear_east, clouds.shear_south) * height;
@@ -149,7 +149,12 @@ float cloud_shape(vec3 q, vec4 weather)
 	float fbm = dot(n.gba, vec3(0.625, 0.25, 0.125));
 	float shape = clamp((n.r - (fbm - 1.0)) / (2.0 - fbm), 0.0, 1.0);
 	vec2 e = cloud_envelope(height, weather);
-	return clamp((shape * e.y - (1.0 - e.x)) / max(e.x, 1e-3), 0.0, 1.0);
+	return (shape * e.y - (1.0 - e.x)) / max(e.x, 1e-3);
+}
+
+float cloud_shape(vec3 q, vec4 weather)
+{
+	return clamp(cloud_shape_unbounded(q, weather), 0.0, 1.0);
 }
 
 float cloud_eroded(vec3 q, float shape)

@@ -17,6 +17,12 @@ layout(binding = UNIT_CLOUD_MAJORANT) uniform sampler3D cloud_majorant_texture;
 
 const float NOWHERE = 1e30;
 
+/* Turns of loops so far. llvmpipe ends an invocation's loops after 65,535, those of invocations that run along counted, so
+ * paths that take more than their share are played for. */
+int turns = 0;
+const int TURNS_OF_A_PATH = 5000;
+const float ALIVE_AFTER = 0.985;
+
 vec3 from_world(vec3 d)
 {
 	return vec3(dot(d, clouds.east.xyz), dot(d, frame.vertical.xyz), dot(d, clouds.south.xyz));
@@ -70,12 +76,13 @@ float majorant_at(vec3 q, vec3 l, out float reach)
 	int level = majorant_level(off);
 	vec3 cell = majorant_cell(level), rate = l.xzy / cell;
 	vec3 p = (q.xzy - vec3(0.0, 0.0, clouds.bottom)) / cell + vec3(0.5 * float(MAJORANT_ACROSS), 0.5 * float(MAJORANT_ACROSS), 0.0);
-	vec3 in_cell = fract(p), left = mix(in_cell, 1.0 - in_cell, step(0.0, rate)) / max(abs(rate), 1e-9);
+	vec3 in_cell = fract(p), left = mix(in_cell, 1.0 - in_cell, step(0.0, rate)) + 1e-3; /* past the side, for sure */
+	left /= max(abs(rate), 1e-9);
 	ivec3 texel = ivec3(clamp(ivec2(floor(p.xy)), 0, MAJORANT_ACROSS - 1), clamp(int(floor(p.z)), 0, MAJORANT_UP - 1));
 	bool inside = level < MAJORANT_LEVELS;
 	level = min(level, MAJORANT_LEVELS - 1);
 	float majorant = texelFetch(cloud_majorant_texture, texel + ivec3(0, 0, level * MAJORANT_UP), 0).r;
-	reach = inside ? min(left.x, min(left.y, left.z)) + 0.05 + 1e-6 * off : 5000.0; /* past the cell's side, for sure */
+	reach = inside ? min(left.x, min(left.y, left.z)) : 5000.0;
 	return inside ? majorant : cloud_majorant();
 }
 
@@ -85,6 +92,7 @@ bool next_collision(Flight f, inout vec4 spans, inout float t, out vec3 q, out f
 	float depth = -log(rng_next());
 	bool found = false, inside = true;
 	while (!found && inside) {
+		turns++;
 		if (t >= spans.y) {
 			spans = vec4(spans.zw, 0.0, 0.0);
 			t = max(t, spans.x);
@@ -115,7 +123,7 @@ float fly(Flight f, inout float weight)
 		flying = next_collision(f, spans, t, q, majorant);
 		float sigma = flying ? cloud_extinction(q, 1) : 0.0, null_ = max(majorant, 1e-20) - sigma;
 		float p = sigma / (sigma + abs(null_));
-		if (flying && rng_next() < p) {
+		if (flying && rng_next() <= p) {
 			weight *= sigma / (majorant * p);
 			hit = t;
 			flying = false;
@@ -304,7 +312,7 @@ Traced trace_clouds(Vertex start, int paths, int max_order)
 			p_end = 1.0 - clamp(band_mean(abs(v.beta) * (1.0 - through)) / all, 0.0, 0.9);
 		else if (down)
 			p_end = clamp(band_mean(abs(v.beta) * bands.ground_albedo * through) / all, 0.0, 0.9);
-		bool at_end = rng_next() < p_end;
+		bool at_end = rng_next() <= p_end;
 		float s = order == 1 ? (float(path) + rng_next()) / float(paths) : rng_next(), jacobian;
 		float t = air_position(v.h, mu, end, s, jacobian);
 		if (!at_end) {
@@ -324,19 +332,21 @@ Traced trace_clouds(Vertex start, int paths, int max_order)
 #endif
 
 		/* Russian roulette on what the path can still bring */
+		turns++;
 		vec4 size = abs(v.beta);
 		float alive = clamp(4.0 * max(max(size.x, size.y), max(size.z, size.w)), 0.0, 1.0);
-		alive *= order >= max_order ? 0.0 : 1.0;
+		alive *= order >= max_order ? 0.0 : turns > TURNS_OF_A_PATH * (path + 1) ? ALIVE_AFTER : 1.0;
 		v.beta /= max(alive, 1e-30);
 		order++;
-		if (rng_next() >= alive) {
+		if (rng_next() > alive) {
 			path++;
 			order = 1;
 			v = start;
 			sheet = Sheet(0.0, 0.0);
 		}
 	}
-	sum.L /= float(paths);
+	/* llvmpipe ends the loops of invocations that take too many turns: not a number says so */
+	sum.L = path < paths ? vec4(uintBitsToFloat(0x7fc00000u)) : sum.L / float(paths);
 	sum.clear /= float(paths);
 	return sum;
 }

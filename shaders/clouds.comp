@@ -5,6 +5,7 @@
  */
 #include "cloud_march.glsl"
 #include "cloud_lattice.glsl"
+#include "surface_distance.glsl"
 
 /* Which rays: those of a buffer, one per pixel of the tile; the corners of the lattice's cells; or those that
  * cloud_fill.comp listed, of the lattice or of the tile. */
@@ -23,10 +24,10 @@ layout(std430, binding = BIND_CLOUD_LATTICE) buffer Lattice { vec4 lattice[]; };
 layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
 #endif
 
-Clouds march(vec4 d, ivec2 pixel)
+Clouds march(vec4 d, ivec2 pixel, float t_end)
 {
 	float angle = clamp(sqrt(max(d.w, 0.0)), 5e-4, 0.01);
-	return clouds_along(d.xyz, 1e30, cloud_jitter(uvec2(pixel)), angle);
+	return clouds_along(d.xyz, t_end, cloud_jitter(uvec2(pixel)), angle);
 }
 
 #if RAYS == CLOUD_RAYS_GIVEN
@@ -35,7 +36,8 @@ void main()
 	int i = int(gl_GlobalInvocationID.x);
 	if (i >= tile.z * tile.w)
 		return;
-	Clouds c = march(direction[(frame.features & FEATURE_SPECTRAL) != 0 ? tile.x + i : i], tile.xy + ivec2(i % tile.z, i / tile.z));
+	vec4 d = direction[(frame.features & FEATURE_SPECTRAL) != 0 ? tile.x + i : i];
+	Clouds c = march(d, tile.xy + ivec2(i % tile.z, i / tile.z), surface_distance(i));
 	light[i] = c.light;
 	place[i] = c.place;
 }
@@ -50,7 +52,7 @@ void main()
 	if (i >= corners.x * corners.y)
 		return;
 	ivec2 pixel = lattice_pixel(tile, point);
-	Clouds c = march(pixel_direction(pixel), pixel);
+	Clouds c = march(pixel_direction(pixel), pixel, NO_SURFACE);
 	int at = 2 * (point.y * size.x + point.x);
 	lattice[at] = c.light;
 	lattice[at + 1] = c.place;
@@ -65,7 +67,7 @@ void main()
 	int across = RAYS == CLOUD_RAYS_LATTICE ? lattice_size(tile).x : tile.z;
 	ivec2 point = ivec2(at % across, at / across);
 	ivec2 pixel = RAYS == CLOUD_RAYS_LATTICE ? lattice_pixel(tile, point) : tile.xy + point;
-	Clouds c = march(pixel_direction(pixel), pixel);
+	Clouds c = march(pixel_direction(pixel), pixel, NO_SURFACE);
 #if RAYS == CLOUD_RAYS_LATTICE
 	lattice[2 * at] = c.light;
 	lattice[2 * at + 1] = c.place;
