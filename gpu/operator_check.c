@@ -28,8 +28,7 @@ struct check {
 	void (*alive)(void *cls);
 	void *cls;
 	int memfd;
-	double *map; /* a radiance job's, for TIMED_RAYS */
-	int runs;
+	double *map;                   /* a radiance job's, for TIMED_RAYS */
 	struct operator_status status; /* what will be reported */
 };
 
@@ -165,7 +164,7 @@ static double sky_ms(const struct welkin_result *result)
 }
 
 /* Renders the job's rays. false with status.state unavailable, or, where that is not so, err and a lost context. */
-static bool run(struct check *c, int rays, double *ms, struct error *err)
+static bool run_once(struct check *c, int rays, double *ms, struct error *err)
 {
 	struct error why = { "" };
 	const struct welkin_sun *sun = &c->job.request.sun;
@@ -185,11 +184,25 @@ static bool run(struct check *c, int rays, double *ms, struct error *err)
 	*ms = sky_ms(&frame->result);
 	ok = ok && judge(c, frame->result.nonfinite);
 	frame_destroy(c->ws, frame);
-	/* The first dispatch may hold the driver's code generation. */
-	if (ok && c->runs++ > 0 && *ms > rays * slowest_ms_per_ray)
+	return ok;
+}
+
+/* Slow is what is slow three times: a machine that is busy elsewhere, or the code generation that a first dispatch
+ * may hold, is no fault of the method's. *ms gets the least. */
+static bool run(struct check *c, int rays, double *ms, struct error *err)
+{
+	const double most_ms = rays * slowest_ms_per_ray;
+	*ms = INFINITY;
+	for (int i = 0; i < 3 && *ms > most_ms; i++) {
+		double again_ms;
+		if (!run_once(c, rays, &again_ms, err))
+			return false;
+		*ms = fmin(*ms, again_ms);
+	}
+	if (*ms > most_ms)
 		return refuse(c, "%s: a ray takes %.3g ms of device time, more than %g", c->method->file, *ms / rays,
 			slowest_ms_per_ray);
-	return ok;
+	return true;
 }
 
 /* ---- what is tried ---- */

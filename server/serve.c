@@ -183,6 +183,16 @@ static int complain(int status, const char *text)
 	return status;
 }
 
+/* listen_on() for an option, which a complaint names. */
+static int listen_as(const char *option, const char *address, bool *wrong, struct error *err)
+{
+	struct error why = { "" };
+	const int fd = listen_on(address, wrong, &why);
+	if (fd < 0)
+		error_set(err, "%s: %s", option, why.text);
+	return fd;
+}
+
 int serve_command(int argc, char **argv)
 {
 	static struct server server;
@@ -206,10 +216,10 @@ int serve_command(int argc, char **argv)
 	 * once, and a single arena keeps the rest from spreading, so that resident memory stays flat. */
 	mallopt(M_ARENA_MAX, 1);
 	mallopt(M_MMAP_THRESHOLD, 16 * 1024);
-	server.http_fd = listen_on(server.options.listen, &wrong, &err);
+	server.http_fd = listen_as("listen", server.options.listen, &wrong, &err);
 	if (server.http_fd < 0)
 		return complain(wrong ? 2 : 1, err.text);
-	server.admin_fd = listen_on(server.options.admin, &wrong, &err);
+	server.admin_fd = listen_as("admin", server.options.admin, &wrong, &err);
 	if (server.admin_fd < 0) {
 		close(server.http_fd);
 		return complain(wrong ? 2 : 1, err.text);

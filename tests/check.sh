@@ -57,6 +57,13 @@ fi
 step "deployment files"
 tests/deploy_check.sh build/welkin
 
+step "install"
+root=$(mktemp -d)
+trap 'rm -rf "$root"' EXIT
+make --no-print-directory install DESTDIR="$root" PREFIX=/opt/welkin
+"$root/opt/welkin/bin/welkin" --version
+grep -qx 'ExecStart=/opt/welkin/bin/welkin serve' "$root/opt/welkin/lib/systemd/system/welkin.service"
+
 step "fuzz smoke"
 make --no-print-directory fuzz-smoke
 

@@ -65,7 +65,7 @@ if have varnishd varnish.vcl; then
 	front=$(free_port)
 	chmod 755 "$work"
 	sed -e "s|\"8080\"|\"${url##*:}\"|" deploy/varnish.vcl >"$work/varnish.vcl"
-	varnishd -F -n "$work/varnish" -f "$work/varnish.vcl" -a "127.0.0.1:$front" -s malloc,64m -j none >"$work/varnish.log" 2>&1 &
+	varnishd -F -n "$work/varnish" -f "$work/varnish.vcl" -a "127.0.0.1:$front" -s malloc,64m -j none -T none >"$work/varnish.log" 2>&1 &
 	pids+=($!)
 	wait_for "http://127.0.0.1:$front/version"
 	curl -sf -o "$work/cached.png" "http://127.0.0.1:$front/v1/render.png?image.width=64&image.height=36"

@@ -43,34 +43,48 @@ static int read_port(int fd, double seconds)
 	return 0;
 }
 
+static pid_t running; /* 0: none */
+
+static void stop_driver(void)
+{
+	const pid_t driver = running;
+	running = 0;
+	if (!driver)
+		return;
+	kill(driver, SIGTERM);
+	for (int i = 0; i < 1000; i++) {
+		if (waitpid(driver, NULL, WNOHANG) == driver)
+			return;
+		sleep_ms(10);
+	}
+	kill(driver, SIGKILL);
+	waitpid(driver, NULL, 0);
+}
+
+/* A test that fails while the browser starts never gets to its teardown: what still runs ends with the program, or
+ * before the next one starts. */
 static void start_driver(struct lib_browser *browser)
 {
+	static bool registered;
+	stop_driver();
+	if (!registered)
+		registered = !atexit(stop_driver);
 	const char *const argv[] = { "chromedriver", "--port=0", NULL };
 	int out[2];
 	posix_spawn_file_actions_t actions;
 	assert_int_equal(pipe2(out, O_CLOEXEC), 0);
 	posix_spawn_file_actions_init(&actions);
 	posix_spawn_file_actions_adddup2(&actions, out[1], STDOUT_FILENO);
-	const int status = posix_spawnp(&browser->driver, argv[0], &actions, NULL, (char *const *)argv, environ);
+	const int status = posix_spawnp(&running, argv[0], &actions, NULL, (char *const *)argv, environ);
 	posix_spawn_file_actions_destroy(&actions);
 	close(out[1]);
+	if (status)
+		running = 0;
 	const int port = status ? 0 : read_port(out[0], 30);
 	close(out[0]);
 	if (!port)
 		fail_msg("chromedriver does not start");
 	snprintf(browser->base, sizeof browser->base, "http://127.0.0.1:%d/", port);
-}
-
-static void stop_driver(struct lib_browser *browser)
-{
-	kill(browser->driver, SIGTERM);
-	for (int i = 0; i < 1000; i++) {
-		if (waitpid(browser->driver, NULL, WNOHANG) == browser->driver)
-			return;
-		sleep_ms(10);
-	}
-	kill(browser->driver, SIGKILL);
-	waitpid(browser->driver, NULL, 0);
 }
 
 /* ---- WebDriver ---- */
@@ -127,7 +141,7 @@ void lib_browser_start(struct lib_browser *browser, int width, int height, bool 
 void lib_browser_stop(struct lib_browser *browser)
 {
 	cJSON_Delete(command(browser, "", NULL));
-	stop_driver(browser);
+	stop_driver();
 }
 
 void lib_browser_open(struct lib_browser *browser, const char *url)

@@ -3,13 +3,11 @@
 
 #include <cjson/cJSON.h>
 #include <stdbool.h>
-#include <sys/types.h>
 
 /* A headless Chromium driven through chromedriver (the WebDriver protocol, JSON over HTTP). Failures end the
  * running test with cmocka's fail_msg(). */
 
 struct lib_browser {
-	pid_t driver;
 	char base[64], session[256]; /* http://127.0.0.1:PORT/ and session/ID */
 };
 

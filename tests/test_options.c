@@ -146,7 +146,8 @@ static void exit_status_tells(void **state)
 {
 	(void)state;
 	RUN(2, "unknown option --nonsense", 1, "serve", "--nonsense", "1");
-	RUN(2, "is not ADDR:PORT", 1, "serve", "--listen", "localhost");
+	RUN(2, "listen: \"localhost\" is not ADDR:PORT", 1, "serve", "--listen", "localhost");
+	RUN(2, "admin: \"x\" is not ADDR:PORT", 1, "serve", "--listen", "127.0.0.1:0", "--admin", "x");
 	RUN(2, "port is not a number", 1, "serve", "--listen", "127.0.0.1:http");
 	RUN(2, "in brackets", 1, "serve", "--listen", "::1:8080");
 	RUN(2, "65535", 1, "serve", "--listen", "127.0.0.1:70000");
