@@ -161,8 +161,9 @@ static const struct welkin_field built_in[] = {
 		"Height over which the density of molecules falls by a factor of e.", NULL,
 		AT(atmosphere.rayleigh_scale_height_m) },
 	{ "atmosphere.aerosol.scattering_per_m", WELKIN_TYPE_TRIPLE, "1/m", 0, 0.1, "",
-		"Scattering coefficient of aerosol at sea level, at 680, 550 and 440 nm.", NULL,
-		AT(atmosphere.aerosol_scattering_per_m) },
+		"Scattering coefficient of aerosol at sea level, at 680, 550 and 440 nm; a power law (Angstrom's) in "
+		"between and beyond.",
+		NULL, AT(atmosphere.aerosol_scattering_per_m) },
 	{ "atmosphere.aerosol.absorption_per_m", WELKIN_TYPE_TRIPLE, "1/m", 0, 0.1, "",
 		"Absorption coefficient of aerosol at sea level, at 680, 550 and 440 nm.", NULL,
 		AT(atmosphere.aerosol_absorption_per_m) },
