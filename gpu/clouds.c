@@ -236,8 +236,7 @@ enum table_state need_clouds(struct frame_tables *tables, const struct scene *sc
 	return state == TABLE_READY ? need_cloud_light(tables, scene, err) : state;
 }
 
-static enum table_state need_majorant(
-	struct frame_tables *tables, const struct CloudsBlock *clouds, struct error *err)
+static enum table_state need_majorant(struct frame_tables *tables, const struct CloudsBlock *clouds, struct error *err)
 {
 	static const struct table_desc majorant = {
 		.name = "cloud_majorant",

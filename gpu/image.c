@@ -113,7 +113,8 @@ void image_run_sky(
 	sky.storage[BIND_DIRECTIONS] = ws->rays.id;
 	sky.storage[BIND_RADIANCE] = radiance;
 	sky.storage[BIND_INSCATTER] = f->method->progressive ? ws->sample_layers.id : ws->inscatter.id;
-	sky.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
+	const bool random_T = f->method->progressive && f->plan.features & FEATURE_CLOUDS;
+	sky.storage[BIND_TRANSMITTANCE] = random_T ? ws->sample_transmittance.id : ws->transmittance.id;
 	for (sky.batch = 0; sky.batch < f->scene.n_batches; sky.batch++) {
 		frame_tables(ws, f, sky.batch, NULL);
 		passes_run(ws->passes, &sky);
@@ -153,8 +154,7 @@ static bool meter_step(struct workspace *ws, struct frame *f, double start_ms, s
 		frame_finish(f, WELKIN_FAILED, err->text);
 		return true;
 	}
-	static const int meter_samples[4] = { 0, 1, 64, 8 }; /* progressive: enough paths to meter by */
-	image_run_sky(ws, f, tile, ws->meter.id, meter_samples);
+	image_run_sky(ws, f, tile, ws->meter.id, progressive_meter_samples(f));
 	if (!frame_settle(ws, f, pixels, f->scene.n_batches, err))
 		return false;
 	const float(*from)[4] = ws->meter.data;

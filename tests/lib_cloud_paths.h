@@ -1,7 +1,8 @@
 #ifndef WELKIN_TESTS_LIB_CLOUD_PATHS_H
 #define WELKIN_TESTS_LIB_CLOUD_PATHS_H
 
-/* The path tracer's kernel on bare directions, with as many paths as wanted, in this process. lib_gpu_open() comes first. */
+/* The path tracer's kernel on bare directions, with as many paths as wanted, in this process. lib_gpu_open() comes
+ * first. */
 struct cloud_paths {
 	const char *query;   /* the request, as the URL has it: method and image do not matter */
 	const char *choices; /* of the kernel, beside CLOUDS=1; "" for none */
