@@ -17,6 +17,9 @@
 static const double ms_per_step = 4e-6;
 enum { UNKNOWN_COST_PIXELS = 1024 };
 
+/* And two paths through clouds cost as much as so many of these steps (measured likewise, cumulus at a low sun). */
+static const double samples_of_paths = 1e5;
+
 static bool in_range(int value, int last)
 {
 	return value >= 0 && value <= last;
@@ -170,7 +173,9 @@ static double cost_of(struct workspace *ws, const struct frame *frame, bool *kno
 	const struct welkin_request *r = &frame->job.request;
 	const struct cost setting = workspace_setting(r);
 	const double cost = workspace_cost(ws, &setting);
-	const double samples = setting.clouds ? r->clouds.steps * r->clouds.light_steps * 10.0 : 0;
+	double samples = setting.clouds ? r->clouds.steps * r->clouds.light_steps * 10.0 : 0;
+	if (setting.clouds && frame->method->progressive)
+		samples = samples_of_paths;
 	*known = cost > 0;
 	return *known ? cost : ms_per_step * (r->atmosphere.steps * r->atmosphere.light_steps + samples);
 }

@@ -136,7 +136,8 @@ bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4
 	sky.storage[BIND_DIRECTIONS] = ws->rays.id;
 	sky.storage[BIND_RADIANCE] = radiance;
 	sky.storage[BIND_INSCATTER] = f->method->progressive ? ws->sample_layers.id : ws->inscatter.id;
-	sky.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
+	const bool random_T = f->method->progressive && f->plan.features & FEATURE_CLOUDS;
+	sky.storage[BIND_TRANSMITTANCE] = random_T ? ws->sample_transmittance.id : ws->transmittance.id;
 	sky.storage[BIND_SURFACES] = ws->surface.id;
 	scenery_bind_rays(ws, f, sky.storage);
 	for (sky.batch = 0; sky.batch < f->scene.n_batches; sky.batch++) {
@@ -173,8 +174,7 @@ static bool meter_step(struct workspace *ws, struct frame *f, double start_ms, s
 		frame_finish(f, WELKIN_FAILED, err->text);
 		return true;
 	}
-	static const int meter_samples[4] = { 0, 1, 64, 8 }; /* progressive: enough paths to meter by */
-	if (!image_run_sky(ws, f, tile, ws->meter.id, meter_samples, err)) {
+	if (!image_run_sky(ws, f, tile, ws->meter.id, progressive_meter_samples(f), err)) {
 		frame_finish(f, WELKIN_FAILED, err->text);
 		return true;
 	}

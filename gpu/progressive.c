@@ -16,6 +16,7 @@ enum {
 	GROUPS_MOST = 1 << 20, /* of a direction: a value that does not settle ends there */
 	PATHS_PER_PIXEL_PASS = 8,
 	FIRST_PIXEL_CHECK = 4,
+	FIRST_CLOUD_CHECK = 8, /* times as many groups, of fewer paths */
 	PASSES_MOST = 1 << 16,
 	ORDERS_MOST = 200,         /* Russian roulette ends paths long before */
 	ORDERS_IN_CLOUDS = 100000, /* none, in effect */
@@ -31,6 +32,13 @@ static int max_order(const struct frame *f)
 	const int order = f->job.request.atmosphere.max_order;
 	const int most = in_clouds(f) ? ORDERS_IN_CLOUDS : ORDERS_MOST;
 	return order > 0 && order < most ? order : most;
+}
+
+const int *progressive_meter_samples(const struct frame *frame)
+{
+	/* orders: enough to meter by; in clouds most of the light has more */
+	static const int air[4] = { 0, 1, 64, 8 }, clouds[4] = { 0, 1, 16, ORDERS_IN_CLOUDS };
+	return in_clouds(frame) ? clouds : air;
 }
 
 /* The number of samples after which to look at the error next. */
@@ -60,13 +68,16 @@ static bool out_of_budget(const struct frame *f, double share)
 
 /* ---- radiance jobs ---- */
 
+/* Per direction: radiance in four bands, transmittance in four. */
+enum { TRANSMITTANCES = 4 };
+
 static bool begin_direction(struct frame *f)
 {
-	if (!f->tally && !(f->tally = calloc(4, sizeof *f->tally)))
+	if (!f->tally && !(f->tally = calloc(8, sizeof *f->tally)))
 		return false;
-	memset(f->tally, 0, 4 * sizeof *f->tally);
+	memset(f->tally, 0, 8 * sizeof *f->tally);
 	f->groups = 0;
-	f->check = FIRST_CHECK;
+	f->check = FIRST_CHECK * (in_clouds(f) ? FIRST_CLOUD_CHECK : 1);
 	f->unit_started_ms = clock_ms();
 	return true;
 }
@@ -84,7 +95,7 @@ static bool direction_settled(const struct frame *f, int bands)
 	return true;
 }
 
-static void write_direction(struct frame *f, int bands, const float T[4])
+static void write_direction(struct frame *f, int bands)
 {
 	const int n = f->job.n_wavelengths;
 	const struct welkin_radiance_layout at = welkin_radiance_layout(f->job.n_directions, n);
@@ -92,11 +103,12 @@ static void write_direction(struct frame *f, int bands, const float T[4])
 	for (int k = 0; k < bands; k++) {
 		const size_t to = (size_t)f->direction * (size_t)n + (size_t)(4 * f->batch + k);
 		reply[at.radiance + to] = f->tally[k].mean;
+		const double T = f->tally[TRANSMITTANCES + k].mean;
 		/* of samples that are all 0, how far off they are is not known, unless there is no air to look through
 		 */
-		const bool dark = f->tally[k].m2 <= 0 && T[k] < 1;
+		const bool dark = f->tally[k].m2 <= 0 && T < 1;
 		reply[at.std_error + to] = dark ? NAN : std_error(&f->tally[k], f->groups);
-		reply[at.transmittance + to] = (double)T[k];
+		reply[at.transmittance + to] = T;
 	}
 }
 
@@ -139,6 +151,7 @@ bool progressive_photometer_step(struct workspace *ws, struct frame *frame, doub
 			const bool sound = isfinite(L[g][k]);
 			frame->result.nonfinite += !sound;
 			add_sample(&frame->tally[k], sound ? (double)L[g][k] : 0, frame->groups);
+			add_sample(&frame->tally[TRANSMITTANCES + k], (double)T[g][k], frame->groups);
 		}
 	}
 	if (frame->groups < frame->check && !out_of_budget(frame, 1)) {
@@ -148,7 +161,7 @@ bool progressive_photometer_step(struct workspace *ws, struct frame *frame, doub
 	if (!direction_settled(frame, bands)) {
 		frame->check = next_check(frame->check);
 	} else {
-		write_direction(frame, bands, T[0]);
+		write_direction(frame, bands);
 		frame->check = 0;
 		photometer_advance(frame, 1);
 	}
@@ -158,9 +171,9 @@ bool progressive_photometer_step(struct workspace *ws, struct frame *frame, doub
 
 /* ---- images ---- */
 
-/* Per pixel: red, green, blue, luminance of sun × transmittance; luminance, for its spread; in-scattered red, green,
- * blue. */
-enum { SUM_LUMINANCE = 4, SUM_INSCATTER = 5, SUMS = 8 };
+/* Per pixel: red, green, blue, luminance of sun × transmittance; luminance, for its spread; red, green, blue of what
+ * is scattered in, and of sun × transmittance. */
+enum { SUM_LUMINANCE = 4, SUM_INSCATTER = 5, SUM_TRANSMITTANCE = 8, SUMS = 11 };
 
 static bool begin_strip(struct frame *f, int pixels)
 {
@@ -170,7 +183,7 @@ static bool begin_strip(struct frame *f, int pixels)
 	memset(grown, 0, (size_t)pixels * SUMS * sizeof *grown);
 	f->tally = grown;
 	f->groups = 0;
-	f->check = FIRST_PIXEL_CHECK;
+	f->check = FIRST_PIXEL_CHECK * (in_clouds(f) ? FIRST_CLOUD_CHECK : 1);
 	f->unit_started_ms = clock_ms();
 	return true;
 }
@@ -192,6 +205,21 @@ static bool has_layers(const struct frame *f)
 	return f->plan.features & FEATURE_LAYERS;
 }
 
+/* Transmittance is random where clouds are, and the same in all samples elsewhere. */
+static bool has_transmittance(const struct frame *f)
+{
+	return in_clouds(f) && f->plan.features & (FEATURE_SUN_DISK | FEATURE_LAYERS);
+}
+
+static void upload_transmittance(struct workspace *ws, const struct frame *f, int pixels)
+{
+	float(*through)[4] = ws->sample_transmittance.data;
+	for (int i = 0; i < pixels; i++)
+		for (int c = 0; c < 3; c++)
+			through[i][c] = (float)f->tally[i * SUMS + SUM_TRANSMITTANCE + c].mean;
+	glNamedBufferSubData(ws->transmittance.id, 0, (GLsizeiptr)((size_t)pixels * sizeof *through), through);
+}
+
 static void upload_mean(struct workspace *ws, const struct frame *f, int pixels)
 {
 	float(*mean)[4] = ws->samples.data;
@@ -203,6 +231,32 @@ static void upload_mean(struct workspace *ws, const struct frame *f, int pixels)
 		for (int c = 0; c < 3; c++)
 			layer[i][c] = (float)f->tally[i * SUMS + SUM_INSCATTER + c].mean;
 	glNamedBufferSubData(ws->radiance.id, 0, (GLsizeiptr)((size_t)pixels * sizeof *mean), mean);
+	if (has_transmittance(f))
+		upload_transmittance(ws, f, pixels);
+}
+
+static void add_triple(struct tally *t, const float value[4], int count_after)
+{
+	for (int c = 0; c < 3; c++)
+		add_sample(&t[c], isfinite(value[c]) ? (double)value[c] : 0, count_after);
+}
+
+static void add_pixels(struct workspace *ws, const struct frame *f, int pixels)
+{
+	const float(*sample)[4] = ws->samples.data, (*layer)[4] = ws->sample_layers.data;
+	const float(*through)[4] = ws->sample_transmittance.data;
+	for (int i = 0; i < pixels; i++) {
+		struct tally *t = &f->tally[i * SUMS];
+		for (int c = 0; c < 4; c++)
+			add_sample(&t[c], isfinite(sample[i][c]) ? (double)sample[i][c] : 0, f->groups);
+		const double Y = 0.2126390 * (double)sample[i][0] + 0.7151687 * (double)sample[i][1] +
+				 0.0721923 * (double)sample[i][2];
+		add_sample(&t[SUM_LUMINANCE], isfinite(Y) ? Y : 0, f->groups);
+		if (has_layers(f))
+			add_triple(&t[SUM_INSCATTER], layer[i], f->groups);
+		if (has_transmittance(f))
+			add_triple(&t[SUM_TRANSMITTANCE], through[i], f->groups);
+	}
 }
 
 bool progressive_strip_pass(struct workspace *ws, struct frame *frame, bool *settled, struct error *err)
@@ -215,30 +269,22 @@ bool progressive_strip_pass(struct workspace *ws, struct frame *frame, bool *set
 	}
 	const size_t size = (size_t)pixels * 4 * sizeof(float);
 	if (!workspace_reserve(&ws->samples, size, true, err) ||
-		(has_layers(frame) && !workspace_reserve(&ws->sample_layers, size, true, err))) {
+		(has_layers(frame) && !workspace_reserve(&ws->sample_layers, size, true, err)) ||
+		(has_transmittance(frame) && !workspace_reserve(&ws->sample_transmittance, size, true, err))) {
 		frame_finish(frame, WELKIN_FAILED, err->text);
 		return true;
 	}
 	if (!image_run_sky(ws, frame, tile, ws->samples.id,
-		    (const int[4]){ frame->groups, 1, PATHS_PER_PIXEL_PASS, max_order(frame) }, err)) {
+		    (const int[4]){ frame->groups, 1, in_clouds(frame) ? PATHS_IN_CLOUDS : PATHS_PER_PIXEL_PASS,
+			    max_order(frame) },
+		    err)) {
 		frame_finish(frame, WELKIN_FAILED, err->text);
 		return true;
 	}
 	if (!frame_settle(ws, frame, pixels, frame->scene.n_batches, err))
 		return false;
-	const float(*sample)[4] = ws->samples.data, (*layer)[4] = ws->sample_layers.data;
 	frame->groups++;
-	for (int i = 0; i < pixels; i++) {
-		struct tally *t = &frame->tally[i * SUMS];
-		for (int c = 0; c < 4; c++)
-			add_sample(&t[c], isfinite(sample[i][c]) ? (double)sample[i][c] : 0, frame->groups);
-		const double Y = 0.2126390 * (double)sample[i][0] + 0.7151687 * (double)sample[i][1] +
-				 0.0721923 * (double)sample[i][2];
-		add_sample(&t[SUM_LUMINANCE], isfinite(Y) ? Y : 0, frame->groups);
-		for (int c = 0; c < 3 && has_layers(frame); c++)
-			add_sample(
-				&t[SUM_INSCATTER + c], isfinite(layer[i][c]) ? (double)layer[i][c] : 0, frame->groups);
-	}
+	add_pixels(ws, frame, pixels);
 	const struct welkin_image *image = &frame->job.request.image;
 	const double share = (double)pixels / ((double)image->width * image->height);
 	const bool spent = out_of_budget(frame, share);

@@ -17,4 +17,7 @@ bool progressive_photometer_step(struct workspace *ws, struct frame *frame, doub
  * output kernel reads. */
 bool progressive_strip_pass(struct workspace *ws, struct frame *frame, bool *settled, struct error *err);
 
+/* LOCATION_SAMPLES of the one pass that a view is metered by. */
+const int *progressive_meter_samples(const struct frame *frame);
+
 #endif

@@ -18,9 +18,9 @@ layout(binding = UNIT_CLOUD_MAJORANT) uniform sampler3D cloud_majorant_texture;
 const float NOWHERE = 1e30;
 
 /* Turns of loops so far. llvmpipe ends an invocation's loops after 65,535, those of invocations that run along counted, so
- * paths that take more than their share are played for. */
+ * paths that take more than their share of a few thousand are played for at every scattering. */
 int turns = 0;
-const int TURNS_OF_A_PATH = 5000;
+const int TURNS = 10000;
 const float ALIVE_AFTER = 0.985;
 
 vec3 from_world(vec3 d)
@@ -335,7 +335,7 @@ Traced trace_clouds(Vertex start, int paths, int max_order)
 		turns++;
 		vec4 size = abs(v.beta);
 		float alive = clamp(4.0 * max(max(size.x, size.y), max(size.z, size.w)), 0.0, 1.0);
-		alive *= order >= max_order ? 0.0 : turns > TURNS_OF_A_PATH * (path + 1) ? ALIVE_AFTER : 1.0;
+		alive *= order >= max_order ? 0.0 : turns * paths > TURNS * (path + 1) ? ALIVE_AFTER : 1.0;
 		v.beta /= max(alive, 1e-30);
 		order++;
 		if (rng_next() > alive) {
