@@ -25,7 +25,7 @@ static const char *const cloud_presets[] = { "none", "cumulus", "towering", "str
 	NULL };
 static const char *const cloud_lightings[] = { "physical", "artistic", NULL };
 static const char *const cloud_shapes[] = { "dilated_squared", "dilated", "carved", "eroded", "product", "perlin",
-	"worley", NULL };
+	"worley", "uniform", NULL };
 static const char *const worley_metrics[] = { "euclidean", "manhattan", NULL };
 static const char *const high_clouds[] = { "cirrus", "cirrocumulus", "altocumulus", NULL };
 static const char *const cloud_savings[] = { "steps_by_elevation", "early_exit", "empty_space", "adaptive_steps",
@@ -219,7 +219,8 @@ static const struct welkin_field built_in[] = {
 		NULL, AT(clouds.base_scale_m) },
 	{ "clouds.base.shape", WELKIN_TYPE_ENUM, "", 0, 0, "dilated_squared",
 		"How Perlin's noise P and Worley's W make shapes: dilated remap(P,0,1,W,1), its square, carved "
-		"remap(P,W,1,0,1), eroded remap(P,W-1,1,0,1), their product, or one of them alone.",
+		"remap(P,W,1,0,1), eroded remap(P,W-1,1,0,1), their product, or one of them alone; uniform: no shapes "
+		"but a slab of one density between the shells, to check numbers with.",
 		cloud_shapes, AT(clouds.base_shape) },
 	{ "clouds.base.perlin_frequency", WELKIN_TYPE_INT, "", 1, 32, "4",
 		"Lattice cells of Perlin's noise along a side.", NULL, AT(clouds.base_perlin_frequency) },

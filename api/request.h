@@ -71,6 +71,7 @@ enum welkin_cloud_shape {
 	WELKIN_SHAPE_PRODUCT,         /* P W */
 	WELKIN_SHAPE_PERLIN,
 	WELKIN_SHAPE_WORLEY,
+	WELKIN_SHAPE_UNIFORM, /* no shapes: a slab between the shells */
 };
 enum welkin_worley { WELKIN_WORLEY_EUCLIDEAN, WELKIN_WORLEY_MANHATTAN };
 enum welkin_high_clouds { WELKIN_HIGH_CIRRUS, WELKIN_HIGH_CIRROCUMULUS, WELKIN_HIGH_ALTOCUMULUS };

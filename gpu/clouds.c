@@ -12,7 +12,7 @@ _Static_assert(CLOUDS_PHYSICAL == WELKIN_CLOUDS_PHYSICAL && CLOUDS_ARTISTIC == W
 _Static_assert(SHAPE_DILATED_SQUARED == WELKIN_SHAPE_DILATED_SQUARED && SHAPE_DILATED == WELKIN_SHAPE_DILATED &&
 		       SHAPE_CARVED == WELKIN_SHAPE_CARVED && SHAPE_ERODED == WELKIN_SHAPE_ERODED &&
 		       SHAPE_PRODUCT == WELKIN_SHAPE_PRODUCT && SHAPE_PERLIN == WELKIN_SHAPE_PERLIN &&
-		       SHAPE_WORLEY == WELKIN_SHAPE_WORLEY,
+		       SHAPE_WORLEY == WELKIN_SHAPE_WORLEY && SHAPE_UNIFORM == WELKIN_SHAPE_UNIFORM,
 	"base shapes of shaders/shared.h follow api/request.h");
 _Static_assert(
 	SAVE_STEPS_BY_ELEVATION == WELKIN_SAVE_STEPS_BY_ELEVATION && SAVE_EARLY_EXIT == WELKIN_SAVE_EARLY_EXIT &&
@@ -232,12 +232,45 @@ static enum table_state need_blue_noise(struct frame_tables *tables, const struc
 	return c->savings & SAVE_BLUE_NOISE ? tables_need(tables, &noise, &always, sizeof always, 0, err) : TABLE_READY;
 }
 
-enum table_state need_clouds(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)
+static enum table_state need_shapes(struct frame_tables *tables, const struct CloudsBlock *clouds, struct error *err)
 {
 	enum table_state (*const needs[])(struct frame_tables *, const struct CloudsBlock *,
 		struct error *) = { need_base, need_detail, need_weather, need_curl, need_high, need_blue_noise };
-	enum table_state state = need_aerial(tables, scene, batch, err);
+	enum table_state state = TABLE_READY;
 	for (size_t i = 0; i < sizeof needs / sizeof needs[0] && state == TABLE_READY; i++)
-		state = needs[i](tables, &scene->clouds, err);
+		state = needs[i](tables, clouds, err);
+	return state;
+}
+
+enum table_state need_clouds(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)
+{
+	enum table_state state = need_aerial(tables, scene, batch, err);
+	if (state == TABLE_READY)
+		state = need_shapes(tables, &scene->clouds, err);
 	return state == TABLE_READY ? need_cloud_light(tables, scene, err) : state;
+}
+
+static enum table_state need_majorant(struct frame_tables *tables, const struct CloudsBlock *clouds, struct error *err)
+{
+	static const struct table_desc majorant = {
+		.name = "cloud_majorant",
+		.width = MAJORANT_ACROSS,
+		.height = MAJORANT_ACROSS,
+		.depth = MAJORANT_UP * MAJORANT_LEVELS,
+		.internal_format = GL_R32F,
+		.unit = UNIT_CLOUD_MAJORANT,
+		.iterations = MAJORANT_RUNS,
+		.threads = { MAJORANT_ACROSS, MAJORANT_ACROSS, MAJORANT_UP * MAJORANT_LEVELS / MAJORANT_RUNS },
+	};
+	struct CloudsBlock key = *clouds;
+	key.lighting = key.steps = key.light_steps = key.savings = 0;
+	memset(key.grid, 0, sizeof key.grid);
+	return tables_need(tables, &majorant, &key, sizeof key, 0, err);
+}
+
+enum table_state need_cloud_paths(struct frame_tables *tables, const struct scene *scene, struct error *err)
+{
+	const bool shapes = scene->clouds.base_shape != SHAPE_UNIFORM || scene->clouds.high[2] > 0;
+	const enum table_state state = shapes ? need_shapes(tables, &scene->clouds, err) : TABLE_READY;
+	return state == TABLE_READY ? need_majorant(tables, &scene->clouds, err) : state;
 }

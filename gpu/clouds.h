@@ -19,4 +19,7 @@ int clouds_cost_key(const struct welkin_clouds *clouds);
 /* All tables that clouds read: noise, weather and the map of high clouds (UNIT_CLOUD_…), and the sky's light. */
 enum table_state need_clouds(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
 
+/* Those that paths through clouds read: noise, weather, the map of high clouds, majorants of extinction. */
+enum table_state need_cloud_paths(struct frame_tables *tables, const struct scene *scene, struct error *err);
+
 #endif

@@ -80,13 +80,16 @@ static void prepare(struct frame *f)
 }
 
 /* Plain images, which are most, have a kernel without what they don't need; a second one does all else. Samples of a
- * progressive method cost too much for that to show. */
+ * progressive method cost too much for that to show; what matters there is whether they trace clouds. */
 static bool choose_sky(struct workspace *ws, struct frame *f, struct error *err)
 {
 	char file[64];
 	const bool plain = f->job.kind == WELKIN_JOB_IMAGE && !(f->plan.features & FEATURE_LAYERS);
+	const char *choices = plain ? "SPECTRAL=0 LAYERS=0" : "";
+	if (f->method->progressive)
+		choices = f->plan.features & FEATURE_CLOUDS ? "CLOUDS=1" : "";
 	snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
-	f->sky = programs_get(ws->programs, file, plain && !f->method->progressive ? "SPECTRAL=0 LAYERS=0" : "", err);
+	f->sky = programs_get(ws->programs, file, choices, err);
 	return f->sky != NULL;
 }
 
@@ -231,9 +234,10 @@ enum table_state frame_tables(struct workspace *ws, const struct frame *frame, i
 	enum table_state state = TABLE_READY;
 	if (frame->method->tables)
 		state = frame->method->tables(ws->tables, &frame->scene, batch, err);
-	if (state == TABLE_READY && frame->plan.features & FEATURE_CLOUDS)
-		state = need_clouds(ws->tables, &frame->scene, batch, err);
-	return state;
+	if (state != TABLE_READY || !(frame->plan.features & FEATURE_CLOUDS))
+		return state;
+	return frame->method->progressive ? need_cloud_paths(ws->tables, &frame->scene, err)
+					  : need_clouds(ws->tables, &frame->scene, batch, err);
 }
 
 bool frame_slice(struct workspace *ws, struct frame *frame, struct error *err)

@@ -10,6 +10,7 @@
 
 enum {
 	PATHS_PER_GROUP = 32,  /* of a direction: so finely is the first collision stratified */
+	PATHS_IN_CLOUDS = 8,   /* long ones: llvmpipe ends an invocation's loops after 65,535 turns */
 	FIRST_CHECK = 32,      /* groups: fewer say little of their spread */
 	GROUPS_DARK = 1 << 11, /* of a direction in which nothing was found: rare paths may still bring light */
 	GROUPS_MOST = 1 << 20, /* of a direction: a value that does not settle ends there */
@@ -17,12 +18,19 @@ enum {
 	FIRST_PIXEL_CHECK = 4,
 	PASSES_MOST = 1 << 16,
 	ORDERS_MOST = 200, /* Russian roulette ends paths long before */
+	ORDERS_IN_CLOUDS = 5000,
 };
+
+static bool in_clouds(const struct frame *f)
+{
+	return f->plan.features & FEATURE_CLOUDS;
+}
 
 static int max_order(const struct frame *f)
 {
 	const int order = f->job.request.atmosphere.max_order;
-	return order > 0 && order < ORDERS_MOST ? order : ORDERS_MOST;
+	const int most = in_clouds(f) ? ORDERS_IN_CLOUDS : ORDERS_MOST;
+	return order > 0 && order < most ? order : most;
 }
 
 /* The number of samples after which to look at the error next. */
@@ -110,7 +118,8 @@ bool progressive_photometer_step(struct workspace *ws, struct frame *frame, doub
 		.program = frame->sky,
 		.batch = frame->batch,
 		.tile = { frame->direction, 0, 1, 1 },
-		.samples = { frame->groups, groups, PATHS_PER_GROUP, max_order(frame) },
+		.samples = { frame->groups, groups, in_clouds(frame) ? PATHS_IN_CLOUDS : PATHS_PER_GROUP,
+			max_order(frame) },
 		.threads = { groups, 1, 1 } };
 	pass.storage[BIND_RADIANCE] = ws->spectral_L.id;
 	pass.storage[BIND_TRANSMITTANCE] = ws->spectral_T.id;

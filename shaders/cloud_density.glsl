@@ -115,9 +115,22 @@ vec2 cloud_envelope(float height, vec4 weather)
 	return vec2(coverage, cloud_profile(lifted / tall, weather.b) * bounds);
 }
 
+/* Not shapes but a slab between the shells, as dense everywhere. */
+bool cloud_uniform()
+{
+	return clouds.base_shape == SHAPE_UNIFORM;
+}
+
+float cloud_slab(vec3 q)
+{
+	return step(clouds.bottom, q.y) * step(q.y, clouds.top);
+}
+
 /* Can there be a cloud at q at all? By the weather alone. */
 bool cloud_may_be(vec3 q, vec4 weather)
 {
+	if (cloud_uniform())
+		return cloud_slab(q) > 0.0;
 	vec2 e = cloud_envelope(cloud_height(q.y), weather);
 	return e.y > 1.0 - e.x && e.x > 0.0;
 }
@@ -130,6 +143,8 @@ bool cloud_maybe(vec3 q)
 /* Density before erosion, and what erosion needs of it. */
 float cloud_shape(vec3 q, vec4 weather)
 {
+	if (cloud_uniform())
+		return cloud_slab(q);
 	float height = cloud_height(q.y);
 	vec2 sheared = q.xz - vec2(clouds.shear_east, clouds.shear_south) * height;
 	vec4 n = textureLod(cloud_base_texture, vec3(sheared.x, q.y, sheared.y) * clouds.base.w + clouds.base.xyz, 0.0);
@@ -159,12 +174,16 @@ float cloud_solid(float shape)
 /* 1/m at q with that weather, from its shape before erosion. */
 float cloud_extinction_of(vec3 q, vec4 weather, float shape)
 {
+	if (cloud_uniform())
+		return clouds.extinction * shape;
 	return clouds.extinction * cloud_solid(cloud_eroded(q, shape)) * (1.0 + weather.g);
 }
 
 /* 1/m at q, 0 outside the layer. detail 0 leaves out the erosion: nowhere less than with it. */
 float cloud_extinction(vec3 q, int detail)
 {
+	if (cloud_uniform())
+		return clouds.extinction * cloud_slab(q);
 	vec4 weather = cloud_weather(q.xz);
 	float shape = cloud_shape(q, weather);
 	if (detail > 0)

@@ -2,6 +2,7 @@
  * The march through the clouds. What is in front of what: the layer, cut into at most two intervals by its shells, and
  * the thin high layer, each added in the order in which the ray meets it.
  */
+#include "cloud_high.glsl"
 #include "cloud_light.glsl"
 
 /* Chosen when the program is built, where the renderer does so. */
@@ -13,7 +14,6 @@
 #endif
 
 layout(binding = UNIT_BLUE_NOISE) uniform sampler2D blue_noise_texture;
-layout(binding = UNIT_CLOUD_HIGH) uniform sampler2D cloud_high_texture;
 
 struct Clouds {
 	vec4 light; /* transmittance; answer to the sun, per irradiance of 1; to sky and to ground, per radiance of 1 */
@@ -237,20 +237,12 @@ void march_interval(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up,
 		march_uniform(m, s);
 }
 
-/* Vertical optical depth of the high layer at q. */
-float high_depth(vec3 q)
-{
-	vec4 n = textureLod(cloud_high_texture, q.xz * clouds.high.w + clouds.high.xy, 0.0);
-	float field = n[clouds.high_type], threshold = 1.0 - clouds.high.z;
-	return clouds.high_depth * smoothstep(threshold, threshold + 0.5, field + 0.35 * clouds.high.z);
-}
-
 /* Where the ray meets the high layer: adds it as a sheet. */
 void march_high(inout March m, CloudRay ray, float t, vec3 d, vec3 up)
 {
 	vec3 q = cloud_point(ray, t), to_sun = cloud_direction(frame.sun_direction.xyz, up, q);
 	vec3 view = cloud_direction(d, up, q);
-	float depth = high_depth(q), slant = depth / max(abs(view.y), 0.03), sun_slant = depth / max(abs(to_sun.y), 0.03);
+	float depth = high_depth(q), slant = depth / max(abs(view.y), HIGH_LEAST_MU), sun_slant = depth / max(abs(to_sun.y), HIGH_LEAST_MU);
 	/* either side of the sheet sees the sun through half of it on the mean, and half a sky and half a ground */
 	CloudLight open = CloudLight(vec3(0.0, 2.0 * PI, 2.0 * PI), 0.5 * sun_slant);
 	float nu = dot(d, frame.sun_direction.xyz);
@@ -271,7 +263,7 @@ Clouds clouds_along(vec3 d, float t_end, float jitter, float pixel)
 		vec2 first = min(vec2(top.x, through ? bottom.x : top.y), t_end);
 		vec2 second = through ? min(vec2(bottom.y, top.y), t_end) : vec2(0.0);
 		bool any_low = clouds.weather.z > 0.0 && top.y > top.x;
-		bool any_high = clouds.high.z > 0.0 && clouds.high_depth > 0.0 && high.y > high.x;
+		bool any_high = high_present() && high.y > high.x;
 		/* met on the way down, and on the way up */
 		bool above = frame.camera_altitude > clouds.high_altitude;
 		if (any_high && above && high.x < t_end)

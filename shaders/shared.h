@@ -56,6 +56,7 @@ typedef unsigned int uint;
 #define UNIT_CLOUD_OPENNESS 14
 #define UNIT_CLOUD_DIFFUSE 15
 #define UNIT_CLOUD_LIGHT 16
+#define UNIT_CLOUD_MAJORANT 17
 
 /* Light in clouds: grids around the camera's footprint, each CLOUD_GRID_GROWTH times as coarse and wide as the one before,
  * stacked in one 3-D texture: x east, y south, z up, level by level. */
@@ -66,6 +67,13 @@ typedef unsigned int uint;
 #define CLOUD_DIFFUSE_RUNS 14 /* of the diffusion equation: columns alone, relaxations (their number prime to 5), light emitted */
 
 #define BLUE_NOISE_SIDE 64
+
+/* Majorants for paths through clouds (cloud_majorant.glsl): boxes around the camera, each CLOUD_GRID_GROWTH times as
+ * wide as the one before, stacked likewise; their texture is made in so many runs. */
+#define MAJORANT_ACROSS 64
+#define MAJORANT_UP 20
+#define MAJORANT_LEVELS 4
+#define MAJORANT_RUNS 20
 
 #define CLOUD_BASE_RUNS 16 /* slabs that the base shape is made in */
 
@@ -136,6 +144,7 @@ typedef unsigned int uint;
 #define SHAPE_PRODUCT 4
 #define SHAPE_PERLIN 5
 #define SHAPE_WORLEY 6
+#define SHAPE_UNIFORM 7
 
 #define SAVE_STEPS_BY_ELEVATION 1
 #define SAVE_EARLY_EXIT 2

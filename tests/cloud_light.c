@@ -10,9 +10,10 @@
 #include <stdio.h>
 #include <string.h>
 
+/* coverage > 0: the renderer's own clouds, of type tau */
 static const struct {
 	enum cloud_shape shape;
-	double tau, sun_elevation_deg;
+	double tau, sun_elevation_deg, coverage;
 } scenes[] = {
 	{ CLOUD_SPHERE, 2, 60 },
 	{ CLOUD_SPHERE, 10, 60 },
@@ -27,6 +28,10 @@ static const struct {
 	{ CLOUD_CUMULUS, 60, 60 },
 	{ CLOUD_CUMULUS, 20, 10 },
 	{ CLOUD_CUMULUS, 60, 10 },
+	{ CLOUD_CUMULUS, 1, 60, 0.4 },
+	{ CLOUD_CUMULUS, 1, 10, 0.4 },
+	{ CLOUD_CUMULUS, 0.5, 60, 0.8 },
+	{ CLOUD_CUMULUS, 0.5, 30, 0.8 },
 };
 enum { SCENES = sizeof scenes / sizeof scenes[0], PATHS = 2500 };
 
@@ -52,7 +57,7 @@ struct totals {
 static void print_row(const char *cloud, int s, int view, const struct cloud_estimate *reference,
 	float answers[LIGHT_MODELS][CLOUD_VIEW_RAYS][CLOUD_RESPONSES], struct totals *totals)
 {
-	printf("%-8s %4.0f %4.0f  %-12s", cloud, scenes[s].tau, scenes[s].sun_elevation_deg, cloud_view_names[view]);
+	printf("%-8s %4g %4.0f  %-12s", cloud, scenes[s].tau, scenes[s].sun_elevation_deg, cloud_view_names[view]);
 	for (int c = 0; c < COLUMNS; c++) {
 		const struct cloud_light_error e =
 			cloud_light_error(reference, answers[columns[c].model], CLOUD_VIEW_RAYS, columns[c].response);
@@ -99,6 +104,10 @@ static void measure(int s, int paths, const char *folder, struct totals *totals)
 	struct cloud_field field = cloud_field_create(scenes[s].shape, scenes[s].tau);
 	if (!field.extinction)
 		return;
+	if (scenes[s].coverage > 0) {
+		cloud_light_product_field(&field, scenes[s].coverage, scenes[s].tau);
+		field.name = "product";
+	}
 	const struct cloud_medium medium = cloud_field_medium(&field, &phase);
 	for (int v = 0; v < CLOUD_VIEWS; v++)
 		cloud_view(v, rays + (ptrdiff_t)v * CLOUD_VIEW_RAYS);
@@ -113,7 +122,7 @@ static void measure(int s, int paths, const char *folder, struct totals *totals)
 			memcpy(view[m], answers[m] + (ptrdiff_t)v * CLOUD_VIEW_RAYS, sizeof view[m]);
 		print_row(field.name, s, v, reference + (ptrdiff_t)v * CLOUD_VIEW_RAYS, view, totals);
 	}
-	printf("%-8s %4.0f %4.0f  tables %.0f ms\n", field.name, scenes[s].tau, scenes[s].sun_elevation_deg,
+	printf("%-8s %4g %4.0f  tables %.0f ms\n", field.name, scenes[s].tau, scenes[s].sun_elevation_deg,
 		cost.tables_ms);
 	fflush(stdout);
 	cloud_field_destroy(&field);

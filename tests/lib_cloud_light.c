@@ -1,6 +1,8 @@
 #include "tests/lib_cloud_light.h"
 
+#include "api/api.h"
 #include "gpu/cloud_light.h"
+#include "gpu/clouds.h"
 #include "tests/lib_gpu.h"
 #include "tests/lib_request.h"
 
@@ -70,6 +72,7 @@ static void field_scene(struct scene *scene, const struct cloud_field *field, co
 	c->curl[0] = (float)field->endless;
 	c->bottom = (float)field->origin[1];
 	c->top = (float)(field->origin[1] + field->cell * (field->n[1] - 1));
+	c->weather[3] = 1.0f / 40000; /* no weather, but the grids hold one period of it */
 	c->albedo = (float)albedo;
 	c->forward_g = (float)phase->forward;
 	c->backward_g = (float)phase->backward;
@@ -147,43 +150,96 @@ struct cloud_lighting cloud_light_render(const struct cloud_field *field, const 
 	return result;
 }
 
+/* ---- the renderer's own clouds ---- */
+
+static void clouds_tables(const struct scene *scene)
+{
+	struct error err = { "" };
+	enum table_state state;
+	do {
+		tables_begin_slice(lib_gpu.tables);
+		state = need_clouds(lib_gpu.tables, scene, 0, &err);
+		if (state == TABLE_FAILED || !passes_finish(lib_gpu.passes, NULL, &err))
+			fail_msg("%s", err.text);
+	} while (state == TABLE_BUILDING);
+}
+
+void cloud_light_product_field(struct cloud_field *field, double coverage, double type)
+{
+	static struct scene scene;
+	static const struct welkin_limits limits = { 1e9 };
+	struct welkin_draft draft = { 0 };
+	struct welkin_faults faults = { 0 };
+	struct welkin_request request;
+	char text[256];
+	snprintf(text, sizeof text, "{\"clouds\":{\"coverage\":%g,\"type\":%g,\"bottom_m\":%g,\"top_m\":%g}}", coverage,
+		type, field->origin[1], field->origin[1] + field->cell * (field->n[1] - 1));
+	welkin_parse_json(&draft, text, strlen(text), NULL, &faults);
+	welkin_resolve(&draft, WELKIN_EXR, &limits, &request, &faults);
+	if (faults.n)
+		fail_msg("%s: %s", faults.list[0].field, faults.list[0].detail);
+	scene_prepare(&scene, &request, NULL, 0);
+	passes_blocks(lib_gpu.passes, &scene);
+	clouds_tables(&scene);
+	struct error err = { "" };
+	static bool added;
+	added = added || programs_add_file(lib_gpu.programs, "cloud_nodes.comp", "tests/shaders/cloud_nodes.comp",
+				 read_text("tests/shaders/cloud_nodes.comp"));
+	const int n = field->n[0] * field->n[1] * field->n[2];
+	struct buffer out = lib_gpu_buffer((size_t)n * sizeof(float));
+	struct pass pass = { .name = "nodes",
+		.program = programs_get(lib_gpu.programs, "cloud_nodes.comp", "", &err),
+		.tile = { field->n[0], field->n[1], field->n[2], (int)field->cell },
+		.threads = { n, 1, 1 } };
+	if (!pass.program)
+		fail_msg("%s", err.text);
+	pass.storage[BIND_CLOUD_LIGHT] = out.id;
+	lib_gpu_run(&pass);
+	memcpy(field->extinction, out.data, (size_t)n * sizeof(float));
+	lib_gpu_free(&out);
+	field->peak = 0;
+	for (int i = 0; i < n; i++)
+		field->peak = fmaxf(field->peak, field->extinction[i]);
+	if (field->peak <= 0)
+		fail_msg("no clouds of coverage %g", coverage);
+}
+
 /* ---- fluxes ---- */
 
-enum { FLUX_MU = 24, FLUX_PHI = 48 };
+enum { FLUX_MU = 24, FLUX_PHI = 24, FLUX_RAYS = FLUX_MU * FLUX_PHI };
 
-/* Of the sun's light on a deck: what leaves upwards (up 1) or downwards by scattering, of what arrives. */
-static double deck_flux(const struct cloud_field *deck, const struct cloud_phase *phase, double mu0, int up)
+/* Rays down onto a deck, then up; half a turn of azimuths, of which the other half is the mirror image. weights: of
+ * radiance in a flux. */
+static void flux_rays(struct cloud_ray rays[2 * FLUX_RAYS], double weights[FLUX_RAYS])
 {
-	static struct cloud_ray rays[FLUX_MU * FLUX_PHI];
-	static float answers[FLUX_MU * FLUX_PHI][CLOUD_RESPONSES];
 	gsl_integration_glfixed_table *rule = gsl_integration_glfixed_table_alloc(FLUX_MU);
-	double weights[FLUX_MU], sum = 0;
-	for (int i = 0; i < FLUX_MU; i++) {
-		double mu;
-		gsl_integration_glfixed_point(0, 1, (size_t)i, &mu, &weights[i], rule);
-		weights[i] *= mu * 2 * M_PI / FLUX_PHI;
-		for (int j = 0; j < FLUX_PHI; j++) {
-			const double phi = 2 * M_PI * (j + 0.5) / FLUX_PHI, sine = sqrt(1 - mu * mu);
-			const struct cloud_ray ray = { { 0, up ? 2350 : 1250, 0 },
-				{ sine * cos(phi), up ? -mu : mu, sine * sin(phi) } };
-			rays[i * FLUX_PHI + j] = ray;
-		}
+	for (int i = 0; i < FLUX_RAYS; i++) {
+		double mu, weight;
+		gsl_integration_glfixed_point(0, 1, (size_t)(i / FLUX_PHI), &mu, &weight, rule);
+		weights[i] = weight * mu * 2 * M_PI / FLUX_PHI;
+		const double phi = M_PI * (i % FLUX_PHI + 0.5) / FLUX_PHI, sine = sqrt(1 - mu * mu);
+		rays[i] = (struct cloud_ray){ { 0, 2350, 0 }, { sine * cos(phi), -mu, sine * sin(phi) } };
+		rays[FLUX_RAYS + i] = (struct cloud_ray){ { 0, 1250, 0 }, { sine * cos(phi), mu, sine * sin(phi) } };
 	}
 	gsl_integration_glfixed_table_free(rule);
-	cloud_light_render(deck, phase, 1, asin(mu0) * (180 / M_PI), LIGHT_MODEL, rays, FLUX_MU * FLUX_PHI, answers);
-	for (int i = 0; i < FLUX_MU * FLUX_PHI; i++)
-		sum += weights[i / FLUX_PHI] * (double)answers[i][CLOUD_SUN];
-	return sum / mu0;
 }
 
 struct cloud_fluxes cloud_light_fluxes(double tau, const struct cloud_phase *phase, double mu0)
 {
+	static struct cloud_ray rays[2 * FLUX_RAYS];
+	static float answers[2 * FLUX_RAYS][CLOUD_RESPONSES];
+	double weights[FLUX_RAYS];
 	struct cloud_field deck = cloud_field_create(CLOUD_DECK, tau);
 	assert_non_null(deck.extinction);
-	const struct cloud_fluxes result = { deck_flux(&deck, phase, mu0, 1), deck_flux(&deck, phase, mu0, 0),
-		exp(-tau / mu0) };
+	flux_rays(rays, weights);
+	cloud_light_render(&deck, phase, 1, asin(mu0) * (180 / M_PI), LIGHT_MODEL, rays, 2 * FLUX_RAYS, answers);
 	cloud_field_destroy(&deck);
-	return result;
+	struct cloud_fluxes fluxes = { 0, 0, exp(-tau / mu0) };
+	for (int i = 0; i < FLUX_RAYS; i++) {
+		fluxes.reflected += weights[i] * (double)answers[i][CLOUD_SUN] / mu0;
+		fluxes.diffuse += weights[i] * (double)answers[FLUX_RAYS + i][CLOUD_SUN] / mu0;
+	}
+	return fluxes;
 }
 
 /* ---- pictures ---- */

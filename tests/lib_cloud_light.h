@@ -24,6 +24,10 @@ struct cloud_lighting cloud_light_render(const struct cloud_field *field, const 
 /* Where the light of a sun at cosine mu0 to the vertical leaves an endless deck of that optical depth. */
 struct cloud_fluxes cloud_light_fluxes(double tau, const struct cloud_phase *phase, double mu0);
 
+/* Turns a field's extinction into the renderer's own, for clouds of that coverage and type (0 stratus … 1 cumulus) and
+ * else by default, between 1000 and 2600 m. */
+void cloud_light_product_field(struct cloud_field *field, double coverage, double type);
+
 /* 4 pictures of CLOUD_VIEW_SIDE² rays, parallel: from the sun's side, against the sun, from below, from above. */
 enum { CLOUD_VIEWS = 4, CLOUD_VIEW_SIDE = 16, CLOUD_VIEW_RAYS = CLOUD_VIEW_SIDE * CLOUD_VIEW_SIDE };
 extern const char *const cloud_view_names[CLOUD_VIEWS];

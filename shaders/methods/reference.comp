@@ -10,6 +10,9 @@ layout(location = LOCATION_SAMPLES) uniform ivec4 samples;
 
 #include "sky.glsl"
 #include "path.glsl"
+#ifdef CLOUDS
+#include "cloud_path.glsl"
+#endif
 
 void method_sky(Ray ray, out vec4 L, out vec4 T)
 {
@@ -28,7 +31,17 @@ void method_sky(Ray ray, out vec4 L, out vec4 T)
 	int index = int(gl_GlobalInvocationID.x), group = samples.x + index % samples.y;
 	uvec2 pixel = uvec2(tile.x + (index / samples.y) % tile.z, tile.y + (index / samples.y) / tile.z);
 	rng_seed(pixel.x + 65536u * pixel.y, uint(group) + 16777216u * uint(batch), frame.seed);
+#ifdef CLOUDS
+	start.d = from_world(ray.d);
+	start.up = vec3(0.0, 1.0, 0.0);
+	if (entered > 0.0)
+		start.up = normalize(start.up * (media.planet_radius + ray.h) + start.d * entered);
+	Traced traced = trace_clouds(start, samples.z, samples.w);
+	L = traced.L;
+	T *= traced.clear;
+#else
 	for (int i = 0; i < samples.z; i++)
 		L += trace(start, (float(i) + rng_next()) / float(samples.z), samples.w);
 	L = L / float(samples.z);
+#endif
 }

@@ -11,7 +11,7 @@
 layout(local_size_x = 8, local_size_y = 4, local_size_z = 2) in;
 layout(rgba32f, binding = 0) uniform writeonly image3D table;
 
-const float CLOUDS_APART = 300.0; /* m */
+const float CLOUDS_APART = 1000.0; /* m */
 
 /* Mean transmittance from the points of a cell out along d: through half of it, then in steps that grow; those longer than so many cells
  * go through the next, coarser level. */
