@@ -285,8 +285,18 @@ static const struct welkin_field built_in[] = {
 	{ "clouds.savings", WELKIN_TYPE_FLAGS, "", 0, 0,
 		"steps_by_elevation,early_exit,empty_space,adaptive_steps,light_volume,half_resolution,blue_noise,"
 		"shared_light",
-		"What makes the march cheaper; an empty value switches all of it off.", cloud_savings,
-		AT(clouds.savings) },
+		"What makes the march cheaper; an empty value switches all of it off. steps_by_elevation: half as many "
+		"of the uniform steps upwards as "
+		"level; early_exit: not behind what is opaque; empty_space: not where there are no clouds; "
+		"adaptive_steps: by distance and "
+		"optical depth instead of uniform; light_volume: the sun's depth by two samples and a grid instead of "
+		"light_steps; "
+		"shared_light: one sun's depth for two samples; half_resolution: every fourth pixel both ways, the "
+		"others between them where "
+		"those agree, in images of 36,864 pixels or more; blue_noise: a first step that differs from pixel to "
+		"pixel, so that steps don't "
+		"show as bands.",
+		cloud_savings, AT(clouds.savings) },
 	{ "scene.name", WELKIN_TYPE_NAME, "", 0, 0, "",
 		"A mesh to stand under the sky, one of /v1/scenes; empty for none.", NULL, AT(scene.name) },
 	{ "scene.latitude_deg", WELKIN_TYPE_DOUBLE, "deg", -90, 90, "",

@@ -6,10 +6,15 @@
 #include <stdio.h>
 #include <string.h>
 
+/* Images whose pixels are small: cells four pixels wide would miss whole clouds in others (7 % RMSE at 96 by 54). */
+enum { LATTICE_LEAST_PIXELS = 256 * 144 };
+
 /* Pixels of an image, not bare directions; and none that a surface may end, which the lattice does not know. */
 static bool by_lattice(const struct frame *f)
 {
-	return f->job.kind == WELKIN_JOB_IMAGE && !(f->plan.features & FEATURE_SURFACES) &&
+	const struct welkin_image *image = &f->job.request.image;
+	return (double)image->width * image->height >= LATTICE_LEAST_PIXELS && f->job.kind == WELKIN_JOB_IMAGE &&
+	       !(f->plan.features & FEATURE_SURFACES) &&
 	       f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION;
 }
 

@@ -143,6 +143,8 @@ bool cloud_maybe(vec3 q)
 /* Density before erosion; where there is none, by how much it falls short of it. */
 float cloud_shape_unbounded(vec3 q, vec4 weather)
 {
+	if (cloud_uniform())
+		return cloud_slab(q);
 	float height = cloud_height(q.y);
 	vec2 sheared = q.xz - vec2(clouds.shear_east, clouds.shear_south) * height;
 	vec4 n = textureLod(cloud_base_texture, vec3(sheared.x, q.y, sheared.y) * clouds.base.w + clouds.base.xyz, 0.0);
@@ -177,6 +179,8 @@ float cloud_solid(float shape)
 /* 1/m at q with that weather, from its shape before erosion. */
 float cloud_extinction_of(vec3 q, vec4 weather, float shape)
 {
+	if (cloud_uniform())
+		return clouds.extinction * shape;
 	return clouds.extinction * cloud_solid(cloud_eroded(q, shape)) * (1.0 + weather.g);
 }
 

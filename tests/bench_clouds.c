@@ -50,7 +50,9 @@ static bool warm_frame(
 	struct lib_renderer *renderer, int width, int height, const char *more, struct cloud_frame *frame)
 {
 	char small[1024], query[1024];
-	snprintf(small, sizeof small, "%s&image.width=64&image.height=36&%s", scene, more);
+	/* large enough for all programs to be built, the lattice's too */
+	const int least = width < 256 ? width : 256;
+	snprintf(small, sizeof small, "%s&image.width=%d&image.height=%d&%s", scene, least, least * 9 / 16, more);
 	snprintf(query, sizeof query, "%s&image.width=%d&image.height=%d&%s", scene, width, height, more);
 	if (!cloud_frame_render(renderer, small, frame))
 		return false;
