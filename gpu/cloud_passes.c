@@ -14,8 +14,7 @@ static bool by_lattice(const struct frame *f)
 {
 	const struct welkin_image *image = &f->job.request.image;
 	return (double)image->width * image->height >= LATTICE_LEAST_PIXELS && f->job.kind == WELKIN_JOB_IMAGE &&
-	       !(f->plan.features & FEATURE_SURFACES) &&
-	       f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION;
+	       !(f->plan.features & FEATURE_SURFACES) && f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION;
 }
 
 static bool choose_lattice(struct workspace *ws, struct frame *f, const char *choices, struct error *err)
