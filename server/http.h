@@ -47,6 +47,7 @@ struct call {
 	/* Renders */
 	struct ticket ticket;
 	struct welkin_request request;
+	struct sequence *sequence; /* NULL: one image */
 	bool waiting, multipart, keyed;
 	char key[33];
 };
@@ -74,6 +75,10 @@ void http_stop(struct http *http);
 
 /* Suspends the call until its render is there; then reply_ticket() runs. */
 enum MHD_Result call_submit(struct call *call, const struct welkin_photometer *photometer);
+
+/* Says: this request, by this build, on this device; so equal keys are equal bytes. False: a file with its timings
+ * inside is new every time, so not cached and not shared. */
+bool render_key(struct service *service, const struct welkin_request *request, char key[33]);
 
 const char *call_header(const struct call *call, const char *name);
 

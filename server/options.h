@@ -23,6 +23,8 @@ struct options {
 	double slice_ms, probe_s;
 	int queue, cache_mib, table_mib, encoders, in_flight;
 	int max_connections, max_body_kib;
+	int max_sequences, max_frames;
+	double max_sequence_pixels;
 
 	bool print_config, help; /* flags of the command line only */
 	const char *origin[40];  /* per row of the table: "default", "file", "environment", "command line" */
