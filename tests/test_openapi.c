@@ -66,7 +66,7 @@ static void test_all_resources_are_there(void **state)
 	(void)state;
 	static const char *const read[] = { "/v1/render.png", "/v1/render.exr", "/v1/methods", "/v1/presets",
 		"/version", "/openapi.json", "/" };
-	static const char *const post[] = { "/v1/render", "/v1/radiance" };
+	static const char *const post[] = { "/v1/render", "/v1/sequences", "/v1/radiance" };
 	for (size_t i = 0; i < sizeof read / sizeof read[0]; i++) {
 		at(document, "paths", read[i], "get", "responses", "200", "content", NULL);
 		at(document, "paths", read[i], "head", NULL);
@@ -76,7 +76,7 @@ static void test_all_resources_are_there(void **state)
 		at(document, "paths", post[i], "post", "requestBody", "content", "application/json", "schema", NULL);
 		at(document, "paths", post[i], "options", NULL);
 	}
-	assert_int_equal(cJSON_GetArraySize(at(document, "paths", NULL)), 9);
+	assert_int_equal(cJSON_GetArraySize(at(document, "paths", NULL)), 10);
 	const cJSON *content = at(document, "paths", "/v1/render", "post", "responses", "200", "content", NULL);
 	at(content, "image/png", NULL);
 	at(content, "image/x-exr", NULL);
