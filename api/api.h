@@ -126,6 +126,30 @@ void welkin_photometer_finish(struct welkin_photometer *photometer);
 void welkin_parse_json(struct welkin_draft *draft, const char *text, size_t length,
 	struct welkin_photometer *photometer, struct welkin_faults *faults);
 
+/* ---- sequence.c: many frames from one request ---- */
+
+/* The fields of a request, which every frame begins with, and what differs from frame to frame: either a list "frames"
+ * of objects of fields; or "keyframes", each an object of fields with "at_s", between which numbers go by
+ * "interpolation" (linear or smooth) over "duration_s" (default: to the last keyframe) at "fps" (default 24). Times go
+ * like numbers, full circles the shorter way round, all else holds until the next keyframe that gives it. Fields of
+ * the image are the same for all frames. */
+struct welkin_sequence;
+
+enum { WELKIN_KEYFRAMES_MAX = 256 };
+
+/* NULL after faults; those of a frame are named like "frames[3].sun.elevation_deg". At most max_frames frames. */
+struct welkin_sequence *welkin_sequence_parse(
+	const char *text, size_t length, int max_frames, struct welkin_faults *faults);
+void welkin_sequence_free(struct welkin_sequence *sequence); /* NULL is fine */
+/* What every frame begins with, for the caller to change. */
+struct welkin_draft *welkin_sequence_base(struct welkin_sequence *sequence);
+int welkin_sequence_frames(const struct welkin_sequence *sequence);
+/* One frame, 0 to frames - 1, ready to be resolved. */
+void welkin_sequence_draft(const struct welkin_sequence *sequence, int frame, struct welkin_draft *draft);
+/* Adds faults that were found in one frame, or keyframe, to those of the sequence. */
+void welkin_sequence_faults(
+	const char *list, int index, const struct welkin_faults *of_frame, struct welkin_faults *faults);
+
 /* ---- resolving ---- */
 
 /* What the daemon's operator allows. */

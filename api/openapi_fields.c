@@ -172,6 +172,16 @@ static void add_list(cJSON *properties, const char *name, const char *descriptio
 	doc_object(list, "items");
 }
 
+static void add_group_refs(cJSON *properties, const cJSON *request)
+{
+	const cJSON *groups = cJSON_GetObjectItemCaseSensitive(request, "properties");
+	for (const cJSON *group = groups ? groups->child : NULL; group; group = group->next) {
+		char pointer[128];
+		snprintf(pointer, sizeof pointer, "schemas/Request/properties/%s", group->string);
+		doc_ref(properties, group->string, pointer);
+	}
+}
+
 static void add_radiance_request(cJSON *schemas, const cJSON *request)
 {
 	cJSON *schema = add_request(schemas, "RadianceRequest",
@@ -191,12 +201,50 @@ static void add_radiance_request(cJSON *schemas, const cJSON *request)
 	doc_number(items, "minimum", 360);
 	doc_number(items, "maximum", 830);
 	doc_string(items, "x-unit", "nm");
-	const cJSON *groups = cJSON_GetObjectItemCaseSensitive(request, "properties");
-	for (const cJSON *group = groups ? groups->child : NULL; group; group = group->next) {
-		char pointer[128];
-		snprintf(pointer, sizeof pointer, "schemas/Request/properties/%s", group->string);
-		doc_ref(properties, group->string, pointer);
-	}
+	add_group_refs(properties, request);
+}
+
+static cJSON *add_bounded(cJSON *properties, const char *name, const char *description, double min, double max)
+{
+	cJSON *number = doc_object(properties, name);
+	doc_string(number, "type", "number");
+	doc_string(number, "description", description);
+	doc_number(number, "minimum", min);
+	doc_number(number, "maximum", max);
+	return number;
+}
+
+static void add_sequence_request(cJSON *schemas, const cJSON *request)
+{
+	cJSON *keyframe = add_request(schemas, "Keyframe", "Fields at a moment.");
+	cJSON *properties = cJSON_GetObjectItemCaseSensitive(keyframe, "properties");
+	doc_string(doc_array(keyframe, "required"), NULL, "at_s");
+	doc_string(add_bounded(properties, "at_s", "Seconds from the first frame; rising.", 0, 1e6), "x-unit", "s");
+	add_group_refs(properties, request);
+
+	cJSON *schema = add_request(schemas, "SequenceRequest",
+		"The fields of a picture's request, which all frames begin with, and either frames or keyframes, in "
+		"which those of image are not allowed.");
+	properties = cJSON_GetObjectItemCaseSensitive(schema, "properties");
+	cJSON *choices = doc_array(schema, "oneOf");
+	doc_string(doc_array(doc_object(choices, NULL), "required"), NULL, "frames");
+	doc_string(doc_array(doc_object(choices, NULL), "required"), NULL, "keyframes");
+	add_list(properties, "frames", "What each frame differs in. How many there may be is in /version.", 65536);
+	doc_ref(cJSON_GetObjectItemCaseSensitive(properties, "frames"), "items", "schemas/Request");
+	add_list(properties, "keyframes",
+		"Numbers and times go from one to the next, full circles the shorter way round, all else holds.",
+		WELKIN_KEYFRAMES_MAX);
+	doc_ref(cJSON_GetObjectItemCaseSensitive(properties, "keyframes"), "items", "schemas/Keyframe");
+	doc_string(add_bounded(properties, "duration_s", "With keyframes. Default: to the last of them.", 0, 1e6),
+		"x-unit", "s");
+	doc_number(add_bounded(properties, "fps", "Frames a second, with keyframes.", 0.001, 1000), "default", 24);
+	cJSON *way = doc_object(properties, "interpolation");
+	doc_string(way, "description", "smooth has no corners at keyframes and does not overshoot.");
+	cJSON *names = doc_array(way, "enum");
+	doc_string(names, NULL, "linear");
+	doc_string(names, NULL, "smooth");
+	doc_string(way, "default", "linear");
+	add_group_refs(properties, request);
 }
 
 /* A parameter of a method that cannot be used. */
@@ -234,4 +282,5 @@ void openapi_fields(cJSON *parameters, cJSON *schemas)
 		doc_ref(walk_groups(request, name), dot ? dot + 1 : name, pointer);
 	}
 	add_radiance_request(schemas, request);
+	add_sequence_request(schemas, request);
 }

@@ -1,3 +1,4 @@
+#include "api/parse_json.h"
 #include "api/json_scan.h"
 #include "api/suggest.h"
 #include "api/value.h"
@@ -251,6 +252,12 @@ void welkin_photometer_finish(struct welkin_photometer *photometer)
 	free(photometer->directions);
 	free(photometer->wavelengths_nm);
 	*photometer = (struct welkin_photometer){ 0 };
+}
+
+void json_read_fields(struct welkin_draft *draft, const cJSON *object, struct welkin_faults *faults)
+{
+	struct reader reader = { .draft = draft, .faults = faults };
+	read_object(&reader, object, "", 0);
 }
 
 void welkin_parse_json(struct welkin_draft *draft, const char *text, size_t length,

@@ -100,7 +100,7 @@ struct admin *admin_start(struct service *service, int listen_fd, struct error *
 		return NULL;
 	}
 	admin->service = service;
-	admin->connections = connections_start(service, err);
+	admin->connections = connections_start(err);
 	if (admin->connections) {
 		admin->daemon = MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD, 0, NULL, NULL, handle, admin,
 			MHD_OPTION_LISTEN_SOCKET, listen_fd, MHD_OPTION_CONNECTION_LIMIT, (unsigned)CONNECTIONS,

@@ -1,6 +1,7 @@
 #include "server/connections.h"
 #include "server/clock.h"
 #include "server/log.h"
+#include "server/metrics.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -17,11 +18,11 @@ struct connection {
 	struct MHD_Connection *mhd;
 	int fd;
 	int64_t deadline_us;
-	struct ticket *ticket; /* suspended for it */
+	bool (*left)(void *cls); /* suspended until then */
+	void *cls;
 };
 
 struct connections {
-	struct service *service;
 	pthread_t thread;
 	pthread_mutex_t lock;
 	pthread_cond_t changed;
@@ -50,9 +51,9 @@ static void look(struct connections *all)
 {
 	const int64_t now = clock_us();
 	for (struct connection *c = all->head.next; c != &all->head; c = c->next) {
-		if (!c->ticket && now > c->deadline_us)
+		if (!c->left && now > c->deadline_us)
 			reap(c);
-		else if (c->ticket && has_left(c->fd) && service_abandon(all->service, c->ticket))
+		else if (c->left && has_left(c->fd) && c->left(c->cls))
 			MHD_resume_connection(c->mhd);
 	}
 }
@@ -81,14 +82,13 @@ static void *run(void *cls)
 	return NULL;
 }
 
-struct connections *connections_start(struct service *service, struct error *err)
+struct connections *connections_start(struct error *err)
 {
 	struct connections *all = calloc(1, sizeof *all);
 	if (!all) {
 		error_set(err, "out of memory");
 		return NULL;
 	}
-	all->service = service;
 	all->head.next = all->head.prev = &all->head;
 	pthread_mutex_init(&all->lock, NULL);
 	pthread_condattr_t attributes;
@@ -164,16 +164,17 @@ void connection_deadline(struct connections *all, struct connection *c, double s
 	pthread_mutex_unlock(&all->lock);
 }
 
-void connection_watch(struct connections *all, struct connection *c, struct ticket *ticket)
+void connection_watch(struct connections *all, struct connection *c, bool (*left)(void *cls), void *cls)
 {
 	if (!c)
 		return;
 	pthread_mutex_lock(&all->lock);
-	c->ticket = ticket;
+	c->left = left;
+	c->cls = cls;
 	pthread_mutex_unlock(&all->lock);
 }
 
 void connection_unwatch(struct connections *all, struct connection *c)
 {
-	connection_watch(all, c, NULL);
+	connection_watch(all, c, NULL, NULL);
 }

@@ -2,7 +2,6 @@
 #define WELKIN_SERVER_CONNECTIONS_H
 
 #include "api/error.h"
-#include "server/service.h"
 
 #include <microhttpd.h>
 
@@ -15,7 +14,7 @@
 struct connections;
 struct connection;
 
-struct connections *connections_start(struct service *service, struct error *err);
+struct connections *connections_start(struct error *err);
 void connections_stop(struct connections *connections); /* after the daemon was stopped; NULL is fine */
 
 /* From the daemon's connection callback. */
@@ -25,9 +24,10 @@ void connection_closed(struct connections *connections, struct connection *conne
 /* The deadline of what the connection does from now on. `tighten`: only if it is sooner. */
 void connection_deadline(struct connections *connections, struct connection *connection, double seconds, bool tighten);
 
-/* The connection is suspended for this ticket until _unwatch: no deadline but the ticket's. When
- * the client leaves, the ticket is abandoned with OUTCOME_GONE and the connection resumed. */
-void connection_watch(struct connections *connections, struct connection *connection, struct ticket *ticket);
+/* The connection is suspended until _unwatch: no deadline but that of what it waits for. When the client leaves, `left`
+ * is called on the watcher's thread, which gives that up; true: it was still waiting, and the connection is resumed. */
+void connection_watch(
+	struct connections *connections, struct connection *connection, bool (*left)(void *cls), void *cls);
 void connection_unwatch(struct connections *connections, struct connection *connection);
 
 #endif

@@ -3,6 +3,7 @@
 #include "server/log.h"
 #include "server/negotiate.h"
 #include "server/reply.h"
+#include "server/sequence.h"
 
 #include <ctype.h>
 #include <errno.h>
@@ -62,6 +63,7 @@ static void end_call(void *cls, struct MHD_Connection *mhd, void **context, enum
 		atomic_fetch_sub(&http->answering, 1);
 		metrics_requests(-1);
 	}
+	sequence_release(call->sequence);
 	product_unref(call->ticket.product);
 	scene_mesh_unref(call->scene.mesh);
 	free(text_take(&call->body));
@@ -295,7 +297,7 @@ static enum MHD_Result handle(void *cls, struct MHD_Connection *mhd, const char 
 	if (call->waiting) {
 		call->waiting = false;
 		connection_unwatch(call->http->connections, call->connection);
-		return reply_ticket(call);
+		return call->sequence ? sequence_reply(call) : reply_ticket(call);
 	}
 	return MHD_YES;
 }
@@ -306,6 +308,12 @@ static void wake_call(struct ticket *ticket)
 	MHD_resume_connection(call->mhd);
 }
 
+static bool call_left(void *cls)
+{
+	struct call *call = cls;
+	return service_abandon(call->http->service, &call->ticket);
+}
+
 enum MHD_Result call_submit(struct call *call, const struct welkin_photometer *photometer)
 {
 	call->waiting = true;
@@ -313,7 +321,7 @@ enum MHD_Result call_submit(struct call *call, const struct welkin_photometer *p
 	call->ticket.cls = call;
 	/* Suspended first: the ticket may be done, and the connection resumed, before submit returns. */
 	MHD_suspend_connection(call->mhd);
-	connection_watch(call->http->connections, call->connection, &call->ticket);
+	connection_watch(call->http->connections, call->connection, call_left, call);
 	service_submit(call->http->service, &call->ticket, &call->request, call->keyed ? call->key : NULL, photometer,
 		call->scene.mesh);
 	return MHD_YES;
@@ -380,7 +388,7 @@ struct http *http_start(const struct options *options, struct service *service, 
 	http->scenes = scenes;
 	http->documents = documents;
 	http->listen_fd = listen_fd;
-	http->connections = connections_start(service, err);
+	http->connections = connections_start(err);
 	if (http->connections) {
 		const unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_SUSPEND_RESUME | MHD_USE_ERROR_LOG;
 		http->daemon = MHD_start_daemon(flags, 0, NULL, NULL, handle, http, MHD_OPTION_EXTERNAL_LOGGER,

@@ -52,6 +52,7 @@ struct call {
 	/* Renders */
 	struct ticket ticket;
 	struct welkin_request request;
+	struct sequence *sequence; /* NULL: one image */
 	bool waiting, multipart, keyed;
 	char key[33];
 };
@@ -86,6 +87,10 @@ enum MHD_Result call_submit(struct call *call, const struct welkin_photometer *p
 void call_pause(struct call *call);
 /* The other way round, where it was told at once. */
 void call_unpause(struct call *call);
+/* Says: this request, by this build, on this device; so equal keys are equal bytes. False: a file with its timings
+ * inside is new every time, so not cached and not shared. */
+bool render_key(
+	struct service *service, const struct welkin_request *request, const struct scene_mesh *mesh, char key[33]);
 
 const char *call_header(const struct call *call, const char *name);
 

@@ -7,7 +7,8 @@
 #include <unistd.h>
 
 static const char *const resource_names[RESOURCE_COUNT] = { "/v1/render.png", "/v1/render.exr", "/v1/render",
-	"/v1/radiance", "/v1/methods", "/v1/presets", "/v1/scenes", "/version", "/openapi.json", "/", "other" };
+	"/v1/sequences", "/v1/radiance", "/v1/methods", "/v1/presets", "/v1/scenes", "/version", "/openapi.json", "/",
+	"other" };
 static const char *const stage_names[STAGE_COUNT] = { "queue", "render", "encode", "request" };
 static const char *const stage_help[STAGE_COUNT] = { "Time a render waited for the renderer.",
 	"Time from handing a render out to its result.", "Time to encode a reply.",
@@ -28,7 +29,8 @@ struct histogram {
 static atomic_ullong replies[RESOURCE_COUNT][STATUS_COUNT];
 static struct histogram stages[STAGE_COUNT];
 static atomic_ullong pixels_rendered, restarts, cancelled, reaped;
-static atomic_int connections, requests;
+static atomic_ullong frames, sequences_complete, sequences_cut;
+static atomic_int connections, requests, sequences;
 
 void metrics_count_reply(enum metrics_resource resource, int status)
 {
@@ -51,6 +53,21 @@ void metrics_observe(enum metrics_stage stage, double seconds)
 void metrics_add_pixels(double pixels)
 {
 	atomic_fetch_add(&pixels_rendered, (unsigned long long)pixels);
+}
+
+void metrics_sequences(int change)
+{
+	atomic_fetch_add(&sequences, change);
+}
+
+void metrics_count_frame(void)
+{
+	atomic_fetch_add(&frames, 1);
+}
+
+void metrics_count_sequence(bool complete)
+{
+	atomic_fetch_add(complete ? &sequences_complete : &sequences_cut, 1);
 }
 
 void metrics_count_restart(void)
@@ -182,6 +199,14 @@ void metrics_text(const struct metrics_gauges *g, struct text *text)
 	single(text, "welkin_ready", "gauge", "1 while a small render works.", g->ready);
 	single(text, "welkin_http_requests_in_flight", "gauge", "Requests being answered.", requests);
 	single(text, "welkin_http_connections", "gauge", "Open connections.", connections);
+	single(text, "welkin_sequences_under_way", "gauge", "Sequences whose frames are being rendered or sent.",
+		sequences);
+	single(text, "welkin_sequence_frames_total", "counter", "Frames of sequences that were sent.", (double)frames);
+	head(text, "welkin_sequences_total", "counter",
+		"Sequences that began to stream, by whether the last frame was sent.");
+	text_printf(text,
+		"welkin_sequences_total{complete=\"true\"} %llu\nwelkin_sequences_total{complete=\"false\"} %llu\n",
+		(unsigned long long)sequences_complete, (unsigned long long)sequences_cut);
 	single(text, "welkin_http_reaped_connections_total", "counter", "Connections closed for missing a deadline.",
 		(double)reaped);
 	single(text, "welkin_queue_depth", "gauge", "Renders waiting for the renderer.", g->queue_depth);

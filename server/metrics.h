@@ -4,6 +4,7 @@
 #include "api/text.h"
 #include "gpu/job.h"
 
+#include <stdbool.h>
 #include <sys/types.h>
 
 /* Counters of the process, for /metrics. Any thread; nothing here blocks. */
@@ -12,6 +13,7 @@ enum metrics_resource {
 	RESOURCE_RENDER_PNG,
 	RESOURCE_RENDER_EXR,
 	RESOURCE_RENDER_POST,
+	RESOURCE_SEQUENCES,
 	RESOURCE_RADIANCE,
 	RESOURCE_METHODS,
 	RESOURCE_PRESETS,
@@ -32,6 +34,9 @@ void metrics_count_restart(void);
 void metrics_count_cancelled(void);
 void metrics_count_reaped(void);
 void metrics_connections(int change);
+void metrics_sequences(int change); /* under way */
+void metrics_count_frame(void);     /* of a sequence, on its way to the client */
+void metrics_count_sequence(bool complete);
 void metrics_requests(int change); /* in flight */
 
 /* What only others know at the moment of asking. */

@@ -26,6 +26,8 @@ struct options {
 	int max_connections, max_body_kib;
 	int scene_mib, scene_triangles, scene_texture, scene_file_mib, loader_mib, uploads, upload_mib;
 	double loader_s;
+	int max_sequences, max_frames;
+	double max_sequence_pixels;
 
 	bool print_config, help; /* flags of the command line only */
 	const char *origin[40];  /* per row of the table: "default", "file", "environment", "command line" */

@@ -62,6 +62,12 @@ bool queue_push(struct queue *queue, struct queue_item *item, double cost_ms, in
 {
 	if (queue->depth >= queue->capacity)
 		return false;
+	queue_push_admitted(queue, item, cost_ms, arrival_us);
+	return true;
+}
+
+void queue_push_admitted(struct queue *queue, struct queue_item *item, double cost_ms, int64_t arrival_us)
+{
 	assert(item->place == QUEUE_OUT);
 	item->cost_ms = cost_ms;
 	item->arrival_us = arrival_us;
@@ -69,7 +75,6 @@ bool queue_push(struct queue *queue, struct queue_item *item, double cost_ms, in
 	item->place = QUEUE_WAITING;
 	list_add(&queue->waiting, item);
 	queue->depth++;
-	return true;
 }
 
 struct queue_item *queue_take(struct queue *queue)

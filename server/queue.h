@@ -46,6 +46,8 @@ void queue_init(struct queue *queue, int capacity, int slots);
 
 /* false when the queue is full; the item is untouched then. */
 bool queue_push(struct queue *queue, struct queue_item *item, double cost_ms, int64_t arrival_us);
+/* The same however full it is: for what was let in as part of something larger, whose owner bounds it. */
+void queue_push_admitted(struct queue *queue, struct queue_item *item, double cost_ms, int64_t arrival_us);
 /* The next one to hand out, now in flight; NULL when none waits or no slot is free for it. */
 struct queue_item *queue_take(struct queue *queue);
 /* Takes an item out, wherever it is; nothing where it is out already. */

@@ -6,12 +6,14 @@
 #include "server/buffer.h"
 #include "server/clock.h"
 #include "server/domain.h"
+#include "server/frames.h"
 #include "server/log.h"
 #include "server/product.h"
 #include "server/scenes.h"
 #include "server/supervisor.h"
 
 #include <cjson/cJSON.h>
+#include <ctype.h>
 #include <errno.h>
 #include <math.h>
 #include <pthread.h>
@@ -28,7 +30,7 @@
  */
 
 enum { EXIT_DONE = 0, EXIT_FAILED = 1, EXIT_BAD_REQUEST = 2 };
-enum { MAX_REQUEST_BYTES = 8 << 20, MAX_FIELD_ARGUMENTS = 256 };
+enum { MAX_REQUEST_BYTES = 8 << 20, MAX_FIELD_ARGUMENTS = 256, MAX_FRAMES = 1000000 };
 
 /* The largest image that fields allow: a person who renders to disk knows their own memory. */
 static const double max_pixels = 16384.0 * 16384.0;
@@ -37,8 +39,10 @@ enum output { OUTPUT_PNG, OUTPUT_EXR, OUTPUT_JSON };
 
 struct command {
 	const char *request_path; /* NULL: none */
+	bool sequence;            /* the request file is one */
 	const char *out_path;
 	enum output output;
+	char in_folder[4096]; /* out_path where a folder was named */
 	const char *device, *shader_dir, *method_dir, *scene_dir;
 	char *fields[MAX_FIELD_ARGUMENTS]; /* NAME=VALUE */
 	int n_fields;
@@ -81,6 +85,7 @@ static int help(void)
 		return status ? status : complain("out of memory");
 	printf("Usage: welkin render [REQUEST.json|-] -o OUT.png|OUT.exr|OUT.json [--device auto|software|N]\n"
 	       "                     [--shader-dir DIR] [--method-dir DIR] [--scene-dir DIR] [NAME=VALUE ...]\n"
+	       "       welkin render --sequence SEQUENCE.json|- -o frame_%%04d.png|frame_%%04d.exr|DIR/ [...]\n"
 	       "\n"
 	       "Renders one request to a file, as the daemon would. The request is a JSON object of nested fields, on\n"
 	       "standard input for -; NAME=VALUE sets or overrides one field by its dotted name, and is enough "
@@ -90,6 +95,10 @@ static int help(void)
 	       "what a render of the image reports about itself. Faults of the request: one line each, status 2. A\n"
 	       "render that fails: status 1.\n"
 	       "\n"
+	       "--sequence takes what POST /v1/sequences takes and writes each frame to a file of its own, whose "
+	       "number\n"
+	       "takes the place of %%04d (in DIR/ as frame_0000.png); NAME=VALUE sets a field of all frames.\n"
+	       "\n"
 	       "Environment: WELKIN_DEVICE, WELKIN_SHADER_DIR, WELKIN_METHOD_DIR, WELKIN_SCENE_DIR and "
 	       "WELKIN_RENDERER, as for welkin "
 	       "serve.\n"
@@ -98,6 +107,34 @@ static int help(void)
 		fields);
 	free(fields);
 	return EXIT_DONE;
+}
+
+/* Where the number of a frame goes: the one %d or %0Nd of the pattern. */
+static bool find_number(const char *pattern, int *at, int *length, int *digits)
+{
+	bool found = false;
+	for (const char *c = strchr(pattern, '%'); c; c = strchr(c + 1, '%')) {
+		int n = 1;
+		*digits = 0;
+		if (c[1] == '0' && isdigit((unsigned char)c[2])) {
+			*digits = c[2] - '0';
+			n = 3;
+		}
+		if (found || c[n] != 'd')
+			return false;
+		found = true;
+		*at = (int)(c - pattern);
+		*length = n + 1;
+	}
+	return found;
+}
+
+static bool frame_path(const char *pattern, int frame, char *path, size_t size)
+{
+	int at = 0, length = 0, digits = 0;
+	if (!find_number(pattern, &at, &length, &digits))
+		return false;
+	return snprintf(path, size, "%.*s%0*d%s", at, pattern, digits, frame, pattern + at + length) < (int)size;
 }
 
 static bool read_extension(struct command *command)
@@ -143,7 +180,12 @@ static int read_arguments(struct command *command, int argc, char **argv)
 			command->method_dir = value;
 		else if ((value = option_value(argc, argv, &i, "--scene-dir", &missing)))
 			command->scene_dir = value;
-		else if (argv[i][0] == '-' && argv[i][1])
+		else if ((value = option_value(argc, argv, &i, "--sequence", &missing))) {
+			if (command->request_path)
+				return complain("two request files, %s and %s", command->request_path, value);
+			command->request_path = value;
+			command->sequence = true;
+		} else if (argv[i][0] == '-' && argv[i][1])
 			return complain("unknown option %s; see welkin render --help", argv[i]);
 		else if (strchr(argv[i], '=') && command->n_fields == MAX_FIELD_ARGUMENTS)
 			return complain("more than %d fields", MAX_FIELD_ARGUMENTS);
@@ -158,8 +200,20 @@ static int read_arguments(struct command *command, int argc, char **argv)
 	}
 	if (!command->out_path)
 		return complain("-o OUT.png, OUT.exr or OUT.json is missing; see welkin render --help");
+	int at, length, digits;
+	if (command->sequence && command->out_path[strlen(command->out_path) - 1] == '/') {
+		snprintf(command->in_folder, sizeof command->in_folder, "%s", command->out_path);
+		strncat(command->in_folder, "frame_%04d.png",
+			sizeof command->in_folder - strlen(command->in_folder) - 1);
+		command->out_path = command->in_folder;
+	}
 	if (!read_extension(command))
 		return complain("can't tell the format of %s: it has to end in .png, .exr or .json", command->out_path);
+	if (command->sequence &&
+		(command->output == OUTPUT_JSON || !find_number(command->out_path, &at, &length, &digits)))
+		return complain(
+			"-o %s: a sequence needs a name such as frame_%%04d.png, with one number in it, or a folder/",
+			command->out_path);
 	if (!command->request_path && !command->n_fields)
 		return complain("no request: name a file, - for standard input, or at least one NAME=VALUE");
 	return EXIT_DONE;
@@ -312,6 +366,30 @@ static int read_request(const struct command *command, struct welkin_request *re
 	return faults.n ? print_faults(&faults) : EXIT_DONE;
 }
 
+/* NULL after complaints. */
+static struct welkin_sequence *read_sequence(
+	const struct command *command, const struct frames_limits *limits, struct welkin_request *first)
+{
+	struct welkin_faults faults = { 0 };
+	size_t size = 0;
+	char *text = read_file(command->request_path, &size);
+	if (!text) {
+		complain("can't read %s: %s", command->request_path, strerror(errno));
+		return NULL;
+	}
+	struct welkin_sequence *s = welkin_sequence_parse(text, size, MAX_FRAMES, &faults);
+	free(text);
+	if (s)
+		parse_fields(command, welkin_sequence_base(s), &faults);
+	const enum welkin_format format = command->output == OUTPUT_EXR ? WELKIN_EXR : WELKIN_PNG;
+	if (s && !faults.n && frames_check(s, format, limits, &faults) &&
+		frames_request(s, 0, format, limits, first, &faults))
+		return s;
+	print_faults(&faults);
+	welkin_sequence_free(s);
+	return NULL;
+}
+
 /* ---- rendering ---- */
 
 /* Shared with the supervisor's thread. */
@@ -376,8 +454,8 @@ static bool wait_for(struct run *run, const bool *flag)
 	return well;
 }
 
-/* Fills in run->product from start to result; the reason is in run->failure otherwise. */
-static bool render(const struct command *command, struct run *run)
+/* Until it is ready; the reason is in run->failure otherwise. */
+static bool start_renderer(const struct command *command, struct run *run)
 {
 	const struct supervisor_config config = { .program = setting(NULL, "WELKIN_RENDERER", ""),
 		.device = setting(command->device, "WELKIN_DEVICE", "auto"),
@@ -399,8 +477,12 @@ static bool render(const struct command *command, struct run *run)
 		snprintf(run->failure, sizeof run->failure, "%.200s", err.text);
 		return false;
 	}
-	if (!wait_for(run, &run->ready))
-		return false;
+	return wait_for(run, &run->ready);
+}
+
+/* Fills in run->product's result; the reason is in run->failure otherwise. */
+static bool render(struct run *run)
+{
 	const int64_t sent_us = clock_us();
 	struct supervisor_scene scene = { -1, 0 };
 	if (run->scene)
@@ -470,10 +552,10 @@ static bool write_file(const char *path, const struct welkin_bytes *bytes, struc
 	return false;
 }
 
-static void print_timings(const struct command *command, const struct product *p, int64_t start_us)
+static void print_timings(const char *path, const struct product *p, int64_t start_us)
 {
 	const struct welkin_image *image = &p->job.request.image;
-	fprintf(stderr, "%s: ", command->out_path);
+	fprintf(stderr, "%s: ", path);
 	if (p->job.kind == WELKIN_JOB_RADIANCE)
 		fprintf(stderr, "%d directions x %d wavelengths", p->job.n_directions, p->job.n_wavelengths);
 	else
@@ -534,6 +616,70 @@ static bool prepare(struct run *run, const struct welkin_request *request, const
 	return run->buffer;
 }
 
+static void finish_run(struct run *run)
+{
+	supervisor_stop(run->supervisor);
+	buffer_destroy(run->buffer);
+	buffer_pool_finish(&run->pool);
+	if (run->methods_fd >= 0)
+		close(run->methods_fd);
+	product_unref(run->product);
+}
+
+/* One frame into the buffer, which fits all of them, and from there to its file. */
+static bool render_frame(const struct command *command, struct run *run, const struct welkin_sequence *s,
+	const struct frames_limits *limits, int frame, struct error *err)
+{
+	const int64_t start_us = clock_us();
+	struct welkin_faults faults = { 0 };
+	struct product *p = run->product;
+	char path[4096];
+	if (!frame_path(command->out_path, frame, path, sizeof path))
+		return error_set(err, "the name of the output is too long");
+	if (!frames_request(
+		    s, frame, (enum welkin_format)p->job.request.image.format, limits, &p->job.request, &faults))
+		return error_set(err, "%s: %s", faults.list[0].field, faults.list[0].detail);
+	p->job.id = (uint64_t)frame + 1;
+	run->done = false;
+	free(p->body.data);
+	p->body = (struct welkin_bytes){ 0 };
+	if (!render(run))
+		return error_set(err, "frame %d: %.200s", frame, run->failure);
+	if (!encode(command, run, err) || !write_file(path, &p->body, err))
+		return false;
+	print_timings(path, p, start_us);
+	return true;
+}
+
+static int render_sequence(const struct command *command)
+{
+	const struct frames_limits limits = { { max_pixels }, INFINITY };
+	static const struct welkin_photometer none;
+	struct run run = { .lock = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER, .methods_fd = -1 };
+	struct welkin_request first;
+	struct error err = { "" };
+	bool done = false;
+	struct welkin_sequence *s = read_sequence(command, &limits, &first);
+	if (!s)
+		return EXIT_BAD_REQUEST;
+	buffer_pool_init(&run.pool, 0);
+	if (!bundle_methods(&run, &first, &err) || !prepare(&run, &first, &none, &err)) {
+		complain("%s", err.text);
+	} else if (!start_renderer(command, &run)) {
+		complain("%s", run.failure);
+	} else {
+		int frame = 0;
+		while (frame < welkin_sequence_frames(s) && render_frame(command, &run, s, &limits, frame, &err))
+			frame++;
+		done = frame == welkin_sequence_frames(s);
+		if (!done)
+			complain("%s", err.text);
+	}
+	finish_run(&run);
+	welkin_sequence_free(s);
+	return done ? EXIT_DONE : EXIT_FAILED;
+}
+
 static int render_to_file(const struct command *command, const struct welkin_request *request,
 	const struct welkin_photometer *photometer, const struct scene_mesh *scene, int64_t start_us)
 {
@@ -545,20 +691,15 @@ static int render_to_file(const struct command *command, const struct welkin_req
 	buffer_pool_init(&run.pool, 0);
 	if (!bundle_methods(&run, request, &err) || !prepare(&run, request, photometer, &err))
 		complain("%s", err.text);
-	else if (!render(command, &run))
+	else if (!start_renderer(command, &run) || !render(&run))
 		complain("%s", run.failure);
 	else if (!encode(command, &run, &err) || !write_file(command->out_path, &run.product->body, &err))
 		complain("%s", err.text);
 	else
 		done = true;
 	if (done)
-		print_timings(command, run.product, start_us);
-	supervisor_stop(run.supervisor);
-	buffer_destroy(run.buffer);
-	buffer_pool_finish(&run.pool);
-	if (run.methods_fd >= 0)
-		close(run.methods_fd);
-	product_unref(run.product);
+		print_timings(command->out_path, run.product, start_us);
+	finish_run(&run);
 	return done ? EXIT_DONE : EXIT_FAILED;
 }
 
@@ -577,6 +718,8 @@ int welkin_render_command(int argc, char **argv)
 	if (!status)
 		status = read_methods(&command);
 	log_set_level("error");
+	if (!status && command.sequence)
+		return render_sequence(&command);
 	if (!status)
 		status = read_request(&command, &request, &photometer, &scene);
 	if (!status)

@@ -337,6 +337,41 @@ enum MHD_Result reply_product(struct call *call, bool hit)
 	return send_reply(call, 200, response);
 }
 
+enum MHD_Result reply_stream(struct call *call, struct MHD_Response *response, const char *boundary)
+{
+	if (!response)
+		return MHD_NO;
+	header(response, "Content-Type", "multipart/mixed; boundary=\"%s\"", boundary);
+	header(response, "Cache-Control", "no-store");
+	header(response, "Vary", "Accept");
+	header(response, "Welkin-Device", "%s", service_device(call->http->service).name);
+	return send_reply(call, 200, response);
+}
+
+static int status_of(enum outcome outcome)
+{
+	switch (outcome) {
+	case OUTCOME_DONE:
+		return 200;
+	case OUTCOME_BUSY:
+		return 429;
+	case OUTCOME_UNAVAILABLE:
+	case OUTCOME_GONE:
+		return 503;
+	case OUTCOME_LATE:
+		return 504;
+	case OUTCOME_FAILED:
+		break;
+	}
+	return 500;
+}
+
+char *problem_of_ticket(const struct ticket *t, const char *path)
+{
+	const int status = status_of(t->outcome);
+	return welkin_problem_json(status, "about:blank", title_of(status), t->detail, path, NULL);
+}
+
 enum MHD_Result reply_ticket(struct call *call)
 {
 	const struct ticket *t = &call->ticket;
@@ -344,15 +379,13 @@ enum MHD_Result reply_ticket(struct call *call)
 	case OUTCOME_DONE:
 		return reply_product(call, false);
 	case OUTCOME_BUSY:
-		return reply_problem(call, 429, t->detail, NULL, t->retry_after_s);
 	case OUTCOME_UNAVAILABLE:
-		return reply_problem(call, 503, t->detail, NULL, t->retry_after_s > 0 ? t->retry_after_s : 1);
-	case OUTCOME_LATE:
-		return reply_problem(call, 504, t->detail, NULL, 0);
+		return reply_problem(
+			call, status_of(t->outcome), t->detail, NULL, t->retry_after_s > 0 ? t->retry_after_s : 1);
 	case OUTCOME_GONE:
 		call->closes = true;
 		return reply_problem(call, 503, "The client closed the connection.", NULL, 1);
 	default:
-		return reply_problem(call, 500, t->detail, NULL, 0);
+		return reply_problem(call, status_of(t->outcome), t->detail, NULL, 0);
 	}
 }

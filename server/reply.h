@@ -28,6 +28,12 @@ enum MHD_Result reply_image_head(struct call *call, const struct product *produc
 /* The product of call->ticket, a hit in the cache when hit. */
 enum MHD_Result reply_product(struct call *call, bool hit);
 
+/* 200 with parts of multipart/mixed that come one by one; takes the response over, NULL: out of memory. */
+enum MHD_Result reply_stream(struct call *call, struct MHD_Response *response, const char *boundary);
+
+/* The problem document of a ticket that did not get its product, malloc'd, or NULL. */
+char *problem_of_ticket(const struct ticket *ticket, const char *path);
+
 /* What became of call->ticket. */
 enum MHD_Result reply_ticket(struct call *call);
 

@@ -3,6 +3,7 @@
 #include "server/http.h"
 #include "server/negotiate.h"
 #include "server/reply.h"
+#include "server/sequence.h"
 #include "server/version.h"
 
 #include <math.h>
@@ -86,6 +87,14 @@ static enum MHD_Result answer_scenes(struct call *call)
 
 /* ---- images ---- */
 
+static enum MHD_Result reply_faults(struct call *call, const struct welkin_faults *faults)
+{
+	char detail[128];
+	snprintf(detail, sizeof detail, "%d field%s of the request cannot be used; see errors.", faults->n,
+		faults->n > 1 ? "s" : "");
+	return reply_problem(call, faults->status ? faults->status : 400, detail, faults, 0);
+}
+
 /* From a draft to call->request and its key. False when the reply (422, 400) is what *result says. */
 static bool resolve(struct call *call, const struct welkin_draft *draft, enum welkin_format format, double max_pixels,
 	double samples, struct welkin_faults *faults, enum MHD_Result *result)
@@ -97,32 +106,28 @@ static bool resolve(struct call *call, const struct welkin_draft *draft, enum we
 		domain_resolve(draft, format, &limits, samples, call->scene.mesh, &call->request, faults);
 	if (!faults->n)
 		return true;
-	char detail[128];
-	snprintf(detail, sizeof detail, "%d field%s of the request cannot be used; see errors.", faults->n,
-		faults->n > 1 ? "s" : "");
-	*result = reply_problem(call, faults->status ? faults->status : 400, detail, faults, 0);
+	*result = reply_faults(call, faults);
 	return false;
 }
 
-/* The key says: this request, by this build, on this device; so equal keys are equal bytes.
- * A file with its timings inside is new every time: no key, not cached, not shared. */
-static void make_key(struct call *call)
+bool render_key(
+	struct service *service, const struct welkin_request *request, const struct scene_mesh *mesh, char key[33])
 {
 	char salt[384];
-	const struct welkin_device device = service_device(call->http->service);
-	call->keyed = !call->request.image.embed_timing;
+	const struct welkin_device device = service_device(service);
+	if (request->image.embed_timing)
+		return false;
 	/* The file of an operator's method is as much a part of the build as a shader of ours. */
-	const int entry = operator_methods_find(call->request.atmosphere.method);
+	const int entry = operator_methods_find(request->atmosphere.method);
 	snprintf(salt, sizeof salt, "%s|%s|%s|%s", build_name, device.name,
-		entry >= 0 ? operator_methods_at(entry)->digest : "",
-		call->scene.mesh ? scene_mesh_key(call->scene.mesh) : "");
-	if (call->keyed)
-		welkin_request_key(&call->request, salt, call->key);
+		entry >= 0 ? operator_methods_at(entry)->digest : "", mesh ? scene_mesh_key(mesh) : "");
+	welkin_request_key(request, salt, key);
+	return true;
 }
 
 static enum MHD_Result render(struct call *call)
 {
-	make_key(call);
+	call->keyed = render_key(call->http->service, &call->request, call->scene.mesh, call->key);
 	if (call->keyed && call->verb != VERB_POST && etag_matches(call_header(call, "If-None-Match"), call->key))
 		return reply_not_modified(call);
 	struct product *cached = call->keyed ? service_lookup(call->http->service, call->key) : NULL;
@@ -176,6 +181,27 @@ static enum MHD_Result answer_render_post(struct call *call)
 	return render(call);
 }
 
+/* ---- sequences ---- */
+
+static enum MHD_Result answer_sequences(struct call *call)
+{
+	const struct options *o = call->http->options;
+	const struct frames_limits limits = { { o->max_pixels }, o->max_sequence_pixels };
+	const char *accept = call_header(call, "Accept");
+	struct welkin_faults faults = { 0 };
+	enum welkin_format format;
+	bool multipart;
+	negotiate_image(accept, &format, &multipart);
+	if (accept_quality(accept, "multipart/mixed") <= 0)
+		return reply_problem(call, 406, "This resource gives multipart/mixed.", NULL, 0);
+	struct welkin_sequence *frames = welkin_sequence_parse(
+		call->body.data ? call->body.data : "", call->body.length, o->max_frames, &faults);
+	if (frames && frames_check(frames, format, &limits, &faults))
+		return sequence_begin(call, frames, format, &limits);
+	welkin_sequence_free(frames);
+	return reply_faults(call, &faults);
+}
+
 /* ---- numbers ---- */
 
 static enum MHD_Result answer_radiance(struct call *call)
@@ -224,8 +250,11 @@ static enum MHD_Result answer_version(struct call *call)
 	text_puts(&text, ",\"version\":");
 	text_json_string(&text, device.version);
 	text_printf(&text, ",\"software\":%s,\"index\":%d}", device.software ? "true" : "false", device.index);
-	text_printf(&text, ",\"limits\":{\"max_pixels\":%.0f,\"deadline_s\":%g,\"max_body_kib\":%d,\"queue\":%d}}\n",
-		o->max_pixels, o->deadline_s, o->max_body_kib, o->queue);
+	text_printf(&text,
+		",\"limits\":{\"max_pixels\":%.0f,\"deadline_s\":%g,\"max_body_kib\":%d,\"queue\":%d,"
+		"\"max_frames\":%d,\"max_sequence_pixels\":%.0f,\"max_sequences\":%d}}\n",
+		o->max_pixels, o->deadline_s, o->max_body_kib, o->queue, o->max_frames, o->max_sequence_pixels,
+		o->max_sequences);
 	return reply_json(call, 200, text_take(&text));
 }
 
@@ -253,6 +282,7 @@ const struct resource resources[] = {
 	{ "/v1/render.png", READ, RESOURCE_RENDER_PNG, answer_render_get, WELKIN_PNG },
 	{ "/v1/render.exr", READ, RESOURCE_RENDER_EXR, answer_render_get, WELKIN_EXR },
 	{ "/v1/render", POST, RESOURCE_RENDER_POST, answer_render_post, 0 },
+	{ "/v1/sequences", POST, RESOURCE_SEQUENCES, answer_sequences, 0 },
 	{ "/v1/radiance", POST, RESOURCE_RADIANCE, answer_radiance, 0 },
 	{ "/v1/methods", READ, RESOURCE_METHODS, answer_document, DOCUMENT_METHODS },
 	{ "/v1/presets", READ, RESOURCE_PRESETS, answer_document, DOCUMENT_PRESETS },

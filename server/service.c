@@ -71,7 +71,9 @@ static void enqueue(struct service *s, struct ticket *ticket, struct render *r, 
 {
 	const double cost_ms = cost_estimate(&s->cost, r->job.request.atmosphere.method, dispatch_samples(&r->job));
 	r->job.id = ++s->last_id;
-	if (!queue_push(&s->queue, &r->item, cost_ms, clock_us())) {
+	if (ticket->admitted) {
+		queue_push_admitted(&s->queue, &r->item, cost_ms, clock_us());
+	} else if (!queue_push(&s->queue, &r->item, cost_ms, clock_us())) {
 		ticket->retry_after_s = queue_retry_after_s(&s->queue);
 		dispatch_settle(settled, ticket, OUTCOME_BUSY, "The queue is full.");
 		dispatch_drop(r, true);

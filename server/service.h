@@ -32,7 +32,8 @@ struct ticket {
 	struct product *product;
 	int retry_after_s; /* busy, unavailable */
 	char detail[256];
-	bool joined; /* somebody else's render was under way */
+	bool admitted; /* set by the owner: not refused for a full queue, which has let in an earlier one of the same */
+	bool joined;   /* somebody else's render was under way */
 
 	struct ticket *next; /* the service's own */
 	struct render *render;

@@ -66,7 +66,7 @@ static void test_all_resources_are_there(void **state)
 	(void)state;
 	static const char *const read[] = { "/v1/render.png", "/v1/render.exr", "/v1/methods", "/v1/presets",
 		"/v1/scenes", "/version", "/openapi.json", "/" };
-	static const char *const post[] = { "/v1/render", "/v1/radiance" };
+	static const char *const post[] = { "/v1/render", "/v1/sequences", "/v1/radiance" };
 	for (size_t i = 0; i < sizeof read / sizeof read[0]; i++) {
 		at(document, "paths", read[i], "get", "responses", "200", "content", NULL);
 		at(document, "paths", read[i], "head", NULL);

@@ -5,27 +5,45 @@ Needs python3-requests. Make a film of it with: ffmpeg -framerate 24 -i day/%04d
 """
 import argparse
 import datetime
+import email.parser
+import io
+import json
 import pathlib
-import re
 import sys
-import time
 
 import requests
 
 
-def fetch(session, url, fields, tries=5):
-    """GET one picture; waits as long as the daemon says when it is busy (429) or restarting (503)."""
-    for _ in range(tries):
-        reply = session.get(url, params=fields, timeout=120)
-        if reply.status_code not in (429, 503):
-            break
-        time.sleep(float(reply.headers.get("Retry-After", 1)))
-    if reply.headers.get("Content-Type", "").startswith("application/problem+json"):
-        problem = reply.json()
+class Chunks(io.RawIOBase):
+    """What a reply's body says, as a file: pieces come as the daemon sends them."""
+
+    def __init__(self, reply):
+        self.pieces, self.rest = reply.iter_content(None), b""
+
+    def readable(self):
+        return True
+
+    def readinto(self, buffer):
+        self.rest = self.rest or next(self.pieces, b"")
+        n = min(len(buffer), len(self.rest))
+        buffer[:n], self.rest = self.rest[:n], self.rest[n:]
+        return n
+
+
+def parts(reply):
+    """Yields headers and body of each part of a multipart reply as it comes; each says how long it is."""
+    stream = io.BufferedReader(Chunks(reply))
+    while stream.readline().rstrip() and (lines := list(iter(stream.readline, b"\r\n"))) and lines[0]:
+        headers = email.parser.BytesHeaderParser().parsebytes(b"".join(lines))
+        yield headers, stream.read(int(headers["Content-Length"]))
+        stream.readline()  # the line end before the next boundary
+
+
+def stop_on_problem(kind, body):
+    if kind == "application/problem+json":
+        problem = json.loads(body)
         faults = [f"{e['field']}: {e['detail']}" for e in problem.get("errors", [])]
-        sys.exit("; ".join([problem.get("title", "?")] + faults))
-    reply.raise_for_status()
-    return reply
+        sys.exit("; ".join([problem.get("detail") or problem.get("title", "?")] + faults))
 
 
 def main():
@@ -39,15 +57,18 @@ def main():
 
     args.out.mkdir(parents=True, exist_ok=True)
     midnight = datetime.datetime.fromisoformat(args.date).replace(tzinfo=datetime.timezone(datetime.timedelta(hours=9)))
-    with requests.Session() as session:  # keeps the connection
-        for i in range(args.frames):
-            at = midnight + datetime.timedelta(days=i / args.frames)
-            reply = fetch(session, f"{args.welkin}/v1/render.png",
-                          {"time": at.isoformat(timespec="seconds"), "camera.heading_deg": 180, "camera.pitch_deg": 20,
-                           "camera.fov_deg": 90, "image.width": args.width})
-            (args.out / f"{i:04}.png").write_bytes(reply.content)
-            total = re.search(r"total;dur=([\d.]+)", reply.headers["Server-Timing"]).group(1)
-            print(f"{at:%H:%M}  {float(total):8.1f} ms  {len(reply.content)} bytes")
+    day = {"image": {"width": args.width}, "camera": {"heading_deg": 180, "pitch_deg": 20, "fov_deg": 90},
+           "fps": 24, "duration_s": args.frames / 24,
+           "keyframes": [{"at_s": 0, "time": midnight.isoformat()},
+                         {"at_s": args.frames / 24, "time": (midnight + datetime.timedelta(days=1)).isoformat()}]}
+    with requests.post(f"{args.welkin}/v1/sequences", json=day, stream=True, timeout=120) as reply:
+        if not reply.ok:
+            stop_on_problem(reply.headers.get("Content-Type"), reply.content)
+            reply.raise_for_status()
+        for headers, body in parts(reply):
+            stop_on_problem(headers["Content-Type"], body)
+            (args.out / f"{int(headers['Welkin-Frame']):04}.png").write_bytes(body)
+            print(f"{headers['Welkin-Progress']:>9}  {headers['Server-Timing'].rpartition('dur=')[2]:>9} ms  {len(body)} bytes")
 
 
 if __name__ == "__main__":
