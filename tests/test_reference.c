@@ -235,7 +235,7 @@ static void test_disort(void **state)
 	static const double zeniths[] = { 0, 30, 60, 75, 80 };
 	(void)state;
 	for (int i = 0; i < 3; i++) {
-		const struct score s = against(files[i], presets[i], zeniths, 5, 45, 5, "reference", 0.01);
+		const struct score s = against(files[i], presets[i], zeniths, 5, 45, 5, "reference", 0.005);
 		assert_true(sqrt(s.squares / s.n) <= 0.012);
 	}
 }
