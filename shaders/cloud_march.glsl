@@ -144,6 +144,7 @@ void march_uniform(inout March m, Stretch s)
 const float SMALLEST = 300.0; /* m: clouds shorter than this may be missed between probes, unless a pixel is larger */
 const float CARVED = 100.0;   /* m: likewise gaps and tufts where the weather has clouds */
 const float FINEST = 20.0;    /* m */
+const float FEWEST = 24.0;    /* steps through the layer, however little of it a pixel resolves */
 const float SEEN = 1.5;       /* steps per width of a pixel at their distance */
 const float HIDDEN = 0.8;     /* optical depth of a step at the edge of a cloud; it grows with the depth behind the edge */
 
@@ -168,7 +169,8 @@ Sample sample_at(Stretch s, float t, float length_)
 /* Length of a step that is worth taking at t, whatever is there. */
 float coarse_step(Stretch s, float t)
 {
-	return max(SEEN * s.pixel * t, max((s.end - s.start) / float(4 * clouds.steps), FINEST));
+	float whole = s.end - s.start;
+	return max(min(SEEN * s.pixel * t, whole / FEWEST), max(whole / float(4 * clouds.steps), FINEST));
 }
 
 /* Of the next step, from what was found in one. */
@@ -180,14 +182,14 @@ float next_step(March m, float sigma, float coarse)
 /* Goes on to where there may be a cloud: in large strides, the larger where the weather has none, and back to where it begins. */
 Sample next_cloud(Stretch s, inout float t, float length_, inout int left)
 {
-	float gap = 0.0, found = -1.0, coarse = coarse_step(s, t);
+	float gap = 0.0, found = -1.0, coarse = coarse_step(s, t), whole = s.end - s.start;
 	for (;;) {
 		Sample p = sample_at(s, t, length_);
 		if ((p.shape > 0.0 && gap <= 2.0 * coarse) || p.t >= s.end || left <= 0)
 			return p;
 		left--;
 		length_ = coarse;
-		float stride = cloud_may_be(p.q, p.weather) ? max(CARVED, 2.0 * coarse) : max(SMALLEST, 3.0 * coarse);
+		float stride = cloud_may_be(p.q, p.weather) ? max(min(CARVED, 0.1 * whole), 2.0 * coarse) : max(min(SMALLEST, 0.1 * whole), 3.0 * coarse);
 		if (p.shape > 0.0) {
 			found = t;
 			gap *= 0.25;

@@ -76,7 +76,7 @@ static void test_all_resources_are_there(void **state)
 		at(document, "paths", post[i], "post", "requestBody", "content", "application/json", "schema", NULL);
 		at(document, "paths", post[i], "options", NULL);
 	}
-	assert_int_equal(cJSON_GetArraySize(at(document, "paths", NULL)), 10);
+	assert_int_equal(cJSON_GetArraySize(at(document, "paths", NULL)), 11);
 	const cJSON *content = at(document, "paths", "/v1/render", "post", "responses", "200", "content", NULL);
 	at(content, "image/png", NULL);
 	at(content, "image/x-exr", NULL);
