@@ -402,21 +402,25 @@ static void read_upload(struct scenes *s, struct upload *upload)
 
 /* ---- the thread ---- */
 
+/* What somebody waits for; then the operator's folders, so that faults are in the log before anybody asks; the rest
+ * once there is somebody who wants to see all. */
 static struct entry *next_entry(const struct scenes *s)
 {
 	for (int i = 0; i < s->n; i++)
 		if (s->entries[i]->waiting)
 			return s->entries[i];
-	for (int i = 0; s->config.eager && i < s->n; i++)
-		if (s->entries[i]->state == UNREAD)
-			return s->entries[i];
+	for (int i = 0; i < s->n; i++) {
+		struct entry *e = s->entries[i];
+		if (e->state == UNREAD && (s->settling || (s->config.eager && e->source == FOLDER)))
+			return e;
+	}
 	return NULL;
 }
 
 /* With the lock held: waits until something is to be done or it is time to look at the folders. */
 static void wait_for_work(struct scenes *s, int64_t until_us)
 {
-	while (!s->stopping && !s->uploads && !next_entry(s) && clock_us() < until_us) {
+	while (!s->stopping && !s->uploads && !s->settling && !next_entry(s) && clock_us() < until_us) {
 		struct timespec until = { until_us / 1000000, until_us % 1000000 * 1000 };
 		pthread_cond_timedwait(&s->changed, &s->lock, &until);
 	}

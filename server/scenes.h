@@ -25,7 +25,7 @@ size_t scene_mesh_bytes(const struct scene_mesh *mesh); /* of the memfd */
 struct scenes_config {
 	const char *dir;    /* "": no folders */
 	const char *loader; /* program; "": this binary */
-	bool eager;         /* read all of them without being asked */
+	bool eager;         /* read the folders without being asked */
 	struct bundle_limits limits;
 	size_t cache_bytes, loader_bytes;
 	double load_s; /* longest time to read one */

@@ -163,6 +163,19 @@ void daemon_stop(struct daemon_process *d)
 }
 
 /* Walks /proc for children of the daemon: the living one, and how many are dead but not reaped. */
+/* A process that reads a scene comes and goes. */
+static bool is_loader(int pid)
+{
+	char path[64], name[14] = "";
+	snprintf(path, sizeof path, "/proc/%d/cmdline", pid);
+	FILE *file = fopen(path, "r");
+	if (!file)
+		return false;
+	const size_t n = fread(name, 1, sizeof name - 1, file);
+	fclose(file);
+	return n == sizeof name - 1 && !strcmp(name, "welkin-loader");
+}
+
 static pid_t children(const struct daemon_process *d, int *zombies)
 {
 	pid_t alive = 0;
@@ -178,7 +191,7 @@ static pid_t children(const struct daemon_process *d, int *zombies)
 		if (fscanf(file, "%d (%*[^)]) %c %d", &pid, &state, &parent) == 3 && parent == d->pid) {
 			if (state == 'Z')
 				++*zombies;
-			else
+			else if (!is_loader(pid))
 				alive = pid;
 		}
 		fclose(file);
