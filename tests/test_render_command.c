@@ -22,7 +22,7 @@ static char binary[PATH_MAX + 16], folder[] = "/tmp/welkin-render-XXXXXX";
 
 struct ran {
 	int status;
-	char output[16384]; /* stdout and stderr */
+	char output[65536]; /* stdout and stderr */
 };
 
 /* Runs `welkin render ARGUMENTS` by the shell, in the test's folder. */
