@@ -91,6 +91,15 @@ static void share_tables(uint64_t *random, struct welkin_request *r)
 	}
 }
 
+/* Noise of its own costs such a frame some seconds, so clouds get their share too. */
+static void share_clouds(uint64_t *random, struct welkin_request *r)
+{
+	if (random_unit(random) < 0.999 || welkin_methods[r->atmosphere.method]->progressive)
+		r->clouds.coverage = r->clouds.high_coverage = 0;
+	else
+		r->atmosphere.spectrum = WELKIN_SPECTRUM_4;
+}
+
 static void random_resolved(uint64_t *random, enum welkin_format format, struct welkin_request *request)
 {
 	static struct welkin_draft draft;
@@ -105,6 +114,7 @@ static void random_resolved(uint64_t *random, enum welkin_format format, struct 
 	if (faults.n > 0)
 		fail_msg("%s: %s", faults.list[0].field, faults.list[0].detail);
 	share_tables(random, request);
+	share_clouds(random, request);
 	tame(request);
 }
 
