@@ -117,7 +117,10 @@ void image_run_sky(
 	sky.storage[BIND_TRANSMITTANCE] = random_T ? ws->sample_transmittance.id : ws->transmittance.id;
 	for (sky.batch = 0; sky.batch < f->scene.n_batches; sky.batch++) {
 		frame_tables(ws, f, sky.batch, NULL);
-		passes_run(ws->passes, &sky);
+		if (f->method->progressive)
+			progressive_run(ws, f, &sky);
+		else
+			passes_run(ws->passes, &sky);
 	}
 	if (f->clouds)
 		clouds_run(ws, f, tile, radiance, ws->transmittance.id, ws->rays.id);
@@ -150,6 +153,7 @@ static bool meter_step(struct workspace *ws, struct frame *f, double start_ms, s
 	const int pixels = tile[2] * tile[3];
 	const size_t size = (size_t)pixels * sizeof *f->samples;
 	if (!workspace_reserve(&ws->meter, size, true, err) || !workspace_reserve(&ws->rays, size, false, err) ||
+		(f->method->progressive && !progressive_reserve(ws, f, pixels, err)) ||
 		!clouds_reserve(ws, f, pixels, err)) {
 		frame_finish(f, WELKIN_FAILED, err->text);
 		return true;

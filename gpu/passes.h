@@ -22,7 +22,7 @@ struct pass_log {
 	struct welkin_pass_time times[WELKIN_MAX_PASSES];
 };
 
-enum { PASS_STORAGE = 9 };
+enum { PASS_STORAGE = 10 };
 
 struct pass {
 	const char *name; /* as it is logged: a string that lives until passes_finish */

@@ -37,6 +37,9 @@ typedef unsigned int uint;
 #define BIND_NODES 6         /* quadrature nodes: vec2 (position in [0,1], weight) */
 #define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp */
 #define BIND_CLOUD_PLACE 8   /* vec4 per pixel: where they are */
+#define BIND_PATHS 9         /* PATH_UVEC4S per ray: paths through clouds that the next dispatch goes on with */
+#define PATH_UVEC4S 7
+#define PATH_DISPATCHES 32   /* so many at most, counted by LOCATION_ITERATION */
 
 /* Texture units; a method's tables sit at fixed units so that programs need no set-up. */
 #define UNIT_OPTICAL_DEPTH 0
@@ -65,10 +68,10 @@ typedef unsigned int uint;
 
 /* Majorants for paths through clouds (cloud_majorant.glsl): boxes around the camera, each CLOUD_GRID_GROWTH times as
  * wide as the one before, stacked likewise; their texture is made in so many runs. */
-#define MAJORANT_ACROSS 64
-#define MAJORANT_UP 20
-#define MAJORANT_LEVELS 4
-#define MAJORANT_RUNS 20
+#define MAJORANT_ACROSS 128
+#define MAJORANT_UP 40
+#define MAJORANT_LEVELS 3
+#define MAJORANT_RUNS 60
 
 #define CLOUD_BASE_RUNS 16 /* slabs that the base shape is made in */
 

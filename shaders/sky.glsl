@@ -24,6 +24,11 @@ float ray_ground_distance(float h, float mu);
  * is left out of the in-scatter layer. A method that draws ground sets it. */
 vec4 ground_reflected = vec4(0.0);
 
+/* A method that takes several dispatches for a ray sets it in all but the one that finds L and T. */
+#ifdef SEVERAL_DISPATCHES
+bool sky_pending = false;
+#endif
+
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BATCH) uniform int batch;
@@ -98,6 +103,10 @@ void main()
 	ray.pixel_solid_angle = at.w;
 	vec4 L, T;
 	method_sky(ray, L, T);
+#ifdef SEVERAL_DISPATCHES
+	if (sky_pending)
+		return;
+#endif
 	if (at.w < 0.0) {
 		L = ground_reflected = vec4(0.0);
 		T = vec4(1.0);

@@ -14,7 +14,7 @@
 
 #include <cmocka.h>
 
-enum { ORDERS_MOST = 5000 };
+enum { ORDERS_MOST = 1 << 23 };
 
 static void prepare(const struct cloud_paths *what, struct scene *scene)
 {
@@ -70,7 +70,7 @@ double cloud_paths_trace(
 	const int groups = what->paths / PATHS_TOGETHER;
 	const size_t size = (size_t)n * (size_t)groups * 4 * sizeof(float);
 	struct buffer rays = lib_gpu_buffer((size_t)n * 4 * sizeof(float)), L = lib_gpu_buffer(size),
-		      T = lib_gpu_buffer(size);
+		      T = lib_gpu_buffer(size), paths = lib_gpu_buffer(PATH_UVEC4S * size);
 	float(*ray)[4] = rays.data;
 	for (int i = 0; i < n; i++)
 		for (int k = 0; k < 3; k++)
@@ -86,9 +86,11 @@ double cloud_paths_trace(
 	pass.storage[BIND_RADIANCE] = L.id;
 	pass.storage[BIND_TRANSMITTANCE] = T.id;
 	pass.storage[BIND_DIRECTIONS] = rays.id;
+	pass.storage[BIND_PATHS] = paths.id;
 	struct pass_log log = { 0 };
 	struct error err = { "" };
-	passes_run(lib_gpu.passes, &pass);
+	for (pass.iteration = 0; pass.iteration < PATH_DISPATCHES; pass.iteration++)
+		passes_run(lib_gpu.passes, &pass);
 	if (!passes_finish(lib_gpu.passes, &log, &err))
 		fail_msg("%s", err.text);
 	for (int i = 0; i < n; i++)
@@ -97,5 +99,6 @@ double cloud_paths_trace(
 	lib_gpu_free(&rays);
 	lib_gpu_free(&L);
 	lib_gpu_free(&T);
+	lib_gpu_free(&paths);
 	return log.times[0].ms;
 }

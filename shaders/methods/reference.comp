@@ -8,10 +8,58 @@
 layout(location = LOCATION_SAMPLES) uniform ivec4 samples;
 #define RAY_SHARE samples.y
 
+#ifdef CLOUDS
+#define SEVERAL_DISPATCHES
+#endif
+
 #include "sky.glsl"
 #include "path.glsl"
 #ifdef CLOUDS
 #include "cloud_path.glsl"
+
+layout(location = LOCATION_ITERATION) uniform int iteration;
+layout(std430, binding = BIND_PATHS) buffer Stored { uvec4 stored[]; };
+
+vec4 stored_at(int at)
+{
+	return uintBitsToFloat(stored[at]);
+}
+
+Paths load_paths(int at)
+{
+	vec4 up = stored_at(at), d = stored_at(at + 1), way = stored_at(at + 5);
+	uvec4 counts = stored[at + 6];
+	rng_state = counts.x;
+	turns = int(counts.w >> 1);
+	return Paths(Vertex(up.w, up.xyz, d.xyz, stored_at(at + 2)), Sheet(way.x, way.y), int(counts.y & 255u), int(counts.y >> 8), int(counts.z),
+		stored_at(at + 3), d.w, (counts.w & 1u) != 0u, way.z, way.w, stored_at(at + 4));
+}
+
+void store_paths(int at, Paths p)
+{
+	stored[at] = floatBitsToUint(vec4(p.v.up, p.v.h));
+	stored[at + 1] = floatBitsToUint(vec4(p.v.d, p.clear));
+	stored[at + 2] = floatBitsToUint(p.v.beta);
+	stored[at + 3] = floatBitsToUint(p.L);
+	stored[at + 4] = floatBitsToUint(p.answer);
+	stored[at + 5] = floatBitsToUint(vec4(p.sheet.depth, p.sheet.above, p.t, p.weight));
+	stored[at + 6] = uvec4(rng_state, uint(p.path) | uint(p.order) << 8, uint(p.since), uint(turns) << 1 | uint(p.sunward));
+}
+
+/* Goes on with the paths of an invocation; true in the dispatch that ends them, with their means. */
+bool follow_stored(int index, Vertex start, out vec4 L, out float clear)
+{
+	int at = index * PATH_UVEC4S;
+	Paths p = Paths(start, Sheet(0.0, 0.0), 0, 1, 0, vec4(0.0), 0.0, false, 0.0, 1.0, vec4(0.0));
+	if (iteration > 0)
+		p = load_paths(at);
+	bool done_before = p.path >= samples.z;
+	follow(p, start, samples.z, samples.w);
+	store_paths(at, p);
+	L = p.path < samples.z ? vec4(uintBitsToFloat(0x7fc00000u)) : p.L / float(samples.z);
+	clear = p.clear / float(samples.z);
+	return !done_before && (p.path >= samples.z || iteration == PATH_DISPATCHES - 1);
+}
 #endif
 
 void method_sky(Ray ray, out vec4 L, out vec4 T)
@@ -20,6 +68,9 @@ void method_sky(Ray ray, out vec4 L, out vec4 T)
 	T = vec4(1.0);
 	float h = ray.h, mu = ray.mu;
 	float entered = ray_enter(h, mu, length(cross(ray.d, ray.up)));
+#ifdef CLOUDS
+	sky_pending = iteration > 0;
+#endif
 	if (entered < 0.0)
 		return;
 	Vertex start;
@@ -36,9 +87,9 @@ void method_sky(Ray ray, out vec4 L, out vec4 T)
 	start.up = vec3(0.0, 1.0, 0.0);
 	if (entered > 0.0)
 		start.up = normalize(start.up * (media.planet_radius + ray.h) + start.d * entered);
-	Traced traced = trace_clouds(start, samples.z, samples.w);
-	L = traced.L;
-	T *= traced.clear;
+	float clear;
+	sky_pending = !follow_stored(index, start, L, clear);
+	T *= clear;
 #else
 	for (int i = 0; i < samples.z; i++)
 		L += trace(start, (float(i) + rng_next()) / float(samples.z), samples.w);
