@@ -9,16 +9,16 @@
 #include <string.h>
 
 enum {
-	PATHS_PER_GROUP = 32, /* of a direction: so finely is the first collision stratified */
-	PATHS_IN_CLOUDS = 2,  /* long ones: llvmpipe ends loops after 65,535 turns, and long paths are then cut short */
-	FIRST_CHECK = 32,     /* groups: fewer say little of their spread */
+	PATHS_PER_GROUP = 32,  /* of a direction: so finely is the first collision stratified */
+	PATHS_IN_CLOUDS = 4,   /* long ones */
+	FIRST_CHECK = 32,      /* groups: fewer say little of their spread */
 	GROUPS_DARK = 1 << 11, /* of a direction in which nothing was found: rare paths may still bring light */
 	GROUPS_MOST = 1 << 20, /* of a direction: a value that does not settle ends there */
 	PATHS_PER_PIXEL_PASS = 8,
 	FIRST_PIXEL_CHECK = 4,
 	FIRST_CLOUD_CHECK = 8, /* times as many groups, of fewer paths */
 	PASSES_MOST = 1 << 16,
-	ORDERS_MOST = 200,         /* Russian roulette ends paths long before */
+	ORDERS_MOST = 200,          /* Russian roulette ends paths long before */
 	ORDERS_IN_CLOUDS = 1 << 23, /* no limit, in effect */
 };
 

@@ -11,7 +11,7 @@ struct cloud_paths {
 	unsigned seed;
 };
 
-enum { PATHS_TOGETHER = 2 };
+enum { PATHS_TOGETHER = 4 };
 
 /* At 550 nm; radiance in W/m²/sr/nm. */
 struct cloud_paths_answer {

@@ -90,20 +90,20 @@ static void slab_transmittance(void **state)
 	static const struct {
 		double tau, mu;
 	} cases[] = { { 0.5, 1 }, { 1, 0.5 }, { 2, 1 }, { 1, 0.3 } };
-	enum { PATHS = 1 << 17 };
+	enum { PATHS = 1 << 16 };
 	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
 		const double tau = cases[i].tau, mu = cases[i].mu, want = exp(-tau / mu);
 		char name[64];
 		snprintf(name, sizeof name, "transmittance, tau %g, mu %g", tau, mu);
 		const double T = one_ray(slab(tau, 0, 1, BELOW_M), "", mu, PATHS, 1).T;
-		assert_near(name, T, sqrt(want * (1 - want) / PATHS), want, 0.015);
+		assert_near(name, T, sqrt(want * (1 - want) / PATHS), want, 0.022);
 	}
 }
 
 static void single_scattering(void **state)
 {
 	(void)state;
-	enum { PATHS = 1 << 17 };
+	enum { PATHS = 1 << 16 };
 	const double tau = 1, mu0 = 0.8, mu = 0.6, sine = sqrt(1 - mu * mu), sine0 = sqrt(1 - mu0 * mu0);
 	for (double g = 0; g < 1; g += 0.85) {
 		/* view east, sun north: nu from the heights alone */
@@ -126,8 +126,8 @@ static void slab_reflectances(void **state)
 	static const struct {
 		double g, tau, mu0, R;
 		int paths;
-	} cases[] = { { 0.85, 1, 1, 0.042, 3 << 18 }, { 0.85, 4, 1, 0.190, 1 << 18 }, { 0.85, 16, 1, 0.557, 1 << 16 },
-		{ 0.85, 64, 1, 0.846, 1 << 12 }, { 0.85, 1, 0.5, 0.165, 1 << 18 }, { 0.85, 4, 0.5, 0.416, 1 << 17 },
+	} cases[] = { { 0.85, 1, 1, 0.042, 1 << 19 }, { 0.85, 4, 1, 0.190, 1 << 17 }, { 0.85, 16, 1, 0.557, 1 << 16 },
+		{ 0.85, 64, 1, 0.846, 1 << 12 }, { 0.85, 1, 0.5, 0.165, 1 << 17 }, { 0.85, 4, 0.5, 0.416, 1 << 17 },
 		{ 0.85, 16, 0.5, 0.698, 1 << 15 }, { 0, 1, 1, 0.341, 1 << 17 }, { 0, 4, 1, 0.692, 1 << 16 },
 		{ 0, 16, 1, 0.904, 1 << 14 }, { 0, 64, 1, 0.974, 1 << 12 } };
 	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -194,9 +194,9 @@ static void furnaces(void **state)
 			1 << 12 },
 		{ "cumulus", NO_AIR "&clouds.preset=cumulus&ground.albedo=1,1,1&camera.altitude_m=0", 60, 0, 1 << 12 },
 		{ "cumulus in air", CLEAN_AIR "&clouds.preset=cumulus&ground.albedo=1,1,1&camera.altitude_m=0", 30, 40,
-			1 << 15 },
+			1 << 14 },
 		{ "cumulus in air from space",
-			CLEAN_AIR "&clouds.preset=cumulus&ground.albedo=1,1,1&camera.altitude_m=4e5", -70, 0, 3 << 14 },
+			CLEAN_AIR "&clouds.preset=cumulus&ground.albedo=1,1,1&camera.altitude_m=4e5", -70, 0, 1 << 14 },
 		{ "cirrus",
 			NO_AIR
 			"&clouds.preset=cirrus&clouds.high.optical_depth=4&ground.albedo=1,1,1&camera.altitude_m=0",
@@ -210,7 +210,7 @@ static void furnaces(void **state)
 		cloud_paths_trace(&what, (const double(*)[3])direction, 1, &a);
 		print_message("furnace, %s: %.5f +- %.5f, clear %.3f\n", cases[i].name, a.L, a.std_error, a.T);
 		assert_true(fabs(a.L - 1) <= 0.002 + 3.5 * a.std_error);
-		assert_true(a.std_error <= 0.002);
+		assert_true(a.std_error <= 0.003);
 	}
 }
 

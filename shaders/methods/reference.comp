@@ -46,30 +46,41 @@ void store_paths(int at, Paths p)
 	stored[at + 6] = uvec4(rng_state, uint(p.path) | uint(p.order) << 8, uint(p.since), uint(turns) << 1 | uint(p.sunward));
 }
 
-/* Goes on with the paths of an invocation; true in the dispatch that ends them, with their means. */
-bool follow_stored(int index, Vertex start, out vec4 L, out float clear)
+int first_stored()
 {
-	int at = index * PATH_UVEC4S;
+	return int(gl_GlobalInvocationID.x) * PATH_UVEC4S;
+}
+
+/* Are paths of this invocation left to follow? */
+bool paths_left()
+{
+	return iteration == 0 || int(stored[first_stored() + 6].y & 255u) < samples.z;
+}
+
+/* Goes on with the paths of an invocation; true in the dispatch that ends them, with their means. */
+bool follow_stored(Vertex start, out vec4 L, out float clear)
+{
+	int at = first_stored();
 	Paths p = Paths(start, Sheet(0.0, 0.0), 0, 1, 0, vec4(0.0), 0.0, false, 0.0, 1.0, vec4(0.0));
 	if (iteration > 0)
 		p = load_paths(at);
-	bool done_before = p.path >= samples.z;
 	follow(p, start, samples.z, samples.w);
 	store_paths(at, p);
-	L = p.path < samples.z ? vec4(uintBitsToFloat(0x7fc00000u)) : p.L / float(samples.z);
+	bool done = p.path >= samples.z;
+	L = done ? p.L / float(samples.z) : vec4(uintBitsToFloat(0x7fc00000u));
 	clear = p.clear / float(samples.z);
-	return !done_before && (p.path >= samples.z || iteration == PATH_DISPATCHES - 1);
+	return done || iteration == PATH_DISPATCHES - 1;
 }
 #endif
 
-void method_sky(Ray ray, out vec4 L, out vec4 T)
+void sample_sky(Ray ray, out vec4 L, out vec4 T)
 {
 	L = vec4(0.0);
 	T = vec4(1.0);
 	float h = ray.h, mu = ray.mu;
 	float entered = ray_enter(h, mu, length(cross(ray.d, ray.up)));
 #ifdef CLOUDS
-	sky_pending = iteration > 0;
+	sky_pending = iteration > 0; /* a ray that meets no air is done at once */
 #endif
 	if (entered < 0.0)
 		return;
@@ -88,11 +99,24 @@ void method_sky(Ray ray, out vec4 L, out vec4 T)
 	if (entered > 0.0)
 		start.up = normalize(start.up * (media.planet_radius + ray.h) + start.d * entered);
 	float clear;
-	sky_pending = !follow_stored(index, start, L, clear);
+	sky_pending = !follow_stored(start, L, clear);
 	T *= clear;
 #else
 	for (int i = 0; i < samples.z; i++)
 		L += trace(start, (float(i) + rng_next()) / float(samples.z), samples.w);
 	L = L / float(samples.z);
+#endif
+}
+
+void method_sky(Ray ray, out vec4 L, out vec4 T)
+{
+#ifdef CLOUDS
+	L = T = vec4(0.0);
+	sky_pending = true;
+	/* a loop of one turn, since llvmpipe leaves loops but not branches */
+	for (bool left = paths_left(); left; left = false)
+		sample_sky(ray, L, T);
+#else
+	sample_sky(ray, L, T);
 #endif
 }
