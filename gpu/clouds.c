@@ -220,7 +220,7 @@ static enum table_state need_high(struct frame_tables *tables, const struct Clou
 
 static enum table_state need_shapes(struct frame_tables *tables, const struct CloudsBlock *clouds, struct error *err)
 {
-	enum table_state (*const needs[])(struct frame_tables *, const struct CloudsBlock *,
+	static enum table_state (*const needs[])(struct frame_tables *, const struct CloudsBlock *,
 		struct error *) = { need_base, need_detail, need_weather, need_curl, need_high };
 	enum table_state state = TABLE_READY;
 	for (size_t i = 0; i < sizeof needs / sizeof needs[0] && state == TABLE_READY; i++)

@@ -200,7 +200,7 @@ static void furnaces(void **state)
 		{ "cirrus",
 			NO_AIR
 			"&clouds.preset=cirrus&clouds.high.optical_depth=4&ground.albedo=1,1,1&camera.altitude_m=0",
-			12, 70, 1 << 12 },
+			40, 10, 1 << 12 },
 	};
 	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
 		const struct cloud_paths what = { cases[i].query, "FURNACE=1", cases[i].paths, 0, 0 };
