@@ -24,12 +24,14 @@ float ray_ground_distance(float h, float mu);
  * is left out of the in-scatter layer. A method that draws ground sets it. */
 vec4 ground_reflected = vec4(0.0);
 
-/* A method that takes several dispatches for a ray sets it in all but the one that finds L and T. */
+/* A method that takes several dispatches for a ray sets it in all but the one that finds L and T. Few rays are worth a
+ * dispatch then, so its groups are small, or a software device would leave threads without one. */
 #ifdef SEVERAL_DISPATCHES
 bool sky_pending = false;
-#endif
-
+layout(local_size_x = WORKGROUP_LINE / 2) in;
+#else
 layout(local_size_x = WORKGROUP_LINE) in;
+#endif
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BATCH) uniform int batch;
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
