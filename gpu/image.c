@@ -142,7 +142,10 @@ bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4
 	scenery_bind_rays(ws, f, sky.storage);
 	for (sky.batch = 0; sky.batch < f->scene.n_batches; sky.batch++) {
 		frame_tables(ws, f, sky.batch, NULL);
-		passes_run(ws->passes, &sky);
+		if (f->method->progressive)
+			progressive_run(ws, f, &sky);
+		else
+			passes_run(ws->passes, &sky);
 		scenery_light(ws, f, tile, sky.batch, sky.storage);
 	}
 	if (f->clouds)
@@ -170,6 +173,7 @@ static bool meter_step(struct workspace *ws, struct frame *f, double start_ms, s
 	const int pixels = tile[2] * tile[3];
 	const size_t size = (size_t)pixels * sizeof *f->samples;
 	if (!workspace_reserve(&ws->meter, size, true, err) || !workspace_reserve(&ws->rays, size, false, err) ||
+		(f->method->progressive && !progressive_reserve(ws, f, pixels, err)) ||
 		!clouds_reserve(ws, f, pixels, err)) {
 		frame_finish(f, WELKIN_FAILED, err->text);
 		return true;

@@ -9,17 +9,17 @@
 #include <string.h>
 
 enum {
-	PATHS_PER_GROUP = 32, /* of a direction: so finely is the first collision stratified */
-	PATHS_IN_CLOUDS = 2,  /* long ones: llvmpipe ends loops after 65,535 turns, and long paths are then cut short */
-	FIRST_CHECK = 32,     /* groups: fewer say little of their spread */
+	PATHS_PER_GROUP = 32,  /* of a direction: so finely is the first collision stratified */
+	PATHS_IN_CLOUDS = 4,   /* long ones */
+	FIRST_CHECK = 32,      /* groups: fewer say little of their spread */
 	GROUPS_DARK = 1 << 11, /* of a direction in which nothing was found: rare paths may still bring light */
 	GROUPS_MOST = 1 << 20, /* of a direction: a value that does not settle ends there */
 	PATHS_PER_PIXEL_PASS = 8,
 	FIRST_PIXEL_CHECK = 4,
 	FIRST_CLOUD_CHECK = 8, /* times as many groups, of fewer paths */
 	PASSES_MOST = 1 << 16,
-	ORDERS_MOST = 200,         /* Russian roulette ends paths long before */
-	ORDERS_IN_CLOUDS = 100000, /* none, in effect */
+	ORDERS_MOST = 200,          /* Russian roulette ends paths long before */
+	ORDERS_IN_CLOUDS = 1 << 23, /* no limit, in effect */
 };
 
 static bool in_clouds(const struct frame *f)
@@ -39,6 +39,20 @@ const int *progressive_meter_samples(const struct frame *frame)
 	/* orders: enough to meter by; in clouds most of the light has more */
 	static const int air[4] = { 0, 1, 64, 8 }, clouds[4] = { 0, 1, 16, ORDERS_IN_CLOUDS };
 	return in_clouds(frame) ? clouds : air;
+}
+
+bool progressive_reserve(struct workspace *ws, const struct frame *frame, int threads, struct error *err)
+{
+	const size_t one = PATH_UVEC4S * 4 * sizeof(uint);
+	return !in_clouds(frame) || workspace_reserve(&ws->paths, (size_t)threads * one, false, err);
+}
+
+void progressive_run(struct workspace *ws, const struct frame *frame, struct pass *pass)
+{
+	const int dispatches = in_clouds(frame) ? PATH_DISPATCHES : 1;
+	pass->storage[BIND_PATHS] = in_clouds(frame) ? ws->paths.id : 0;
+	for (pass->iteration = 0; pass->iteration < dispatches; pass->iteration++)
+		passes_run(ws->passes, pass);
 }
 
 /* The number of samples after which to look at the error next. */
@@ -122,7 +136,7 @@ bool progressive_photometer_step(struct workspace *ws, struct frame *frame, doub
 	const int groups = afford < left ? afford : left;
 	const size_t size = (size_t)groups * 4 * sizeof(float);
 	if (!workspace_reserve(&ws->spectral_L, size, true, err) ||
-		!workspace_reserve(&ws->spectral_T, size, true, err)) {
+		!workspace_reserve(&ws->spectral_T, size, true, err) || !progressive_reserve(ws, frame, groups, err)) {
 		frame_finish(frame, WELKIN_FAILED, err->text);
 		return true;
 	}
@@ -138,7 +152,7 @@ bool progressive_photometer_step(struct workspace *ws, struct frame *frame, doub
 	pass.storage[BIND_DIRECTIONS] = ws->directions.id;
 	scenery_bind_rays(ws, frame, pass.storage);
 	frame_tables(ws, frame, frame->batch, NULL);
-	passes_run(ws->passes, &pass);
+	progressive_run(ws, frame, &pass);
 	if (!frame_settle(ws, frame, groups, 1, err))
 		return false;
 
@@ -268,7 +282,7 @@ bool progressive_strip_pass(struct workspace *ws, struct frame *frame, bool *set
 		return true;
 	}
 	const size_t size = (size_t)pixels * 4 * sizeof(float);
-	if (!workspace_reserve(&ws->samples, size, true, err) ||
+	if (!workspace_reserve(&ws->samples, size, true, err) || !progressive_reserve(ws, frame, pixels, err) ||
 		(has_layers(frame) && !workspace_reserve(&ws->sample_layers, size, true, err)) ||
 		(has_transmittance(frame) && !workspace_reserve(&ws->sample_transmittance, size, true, err))) {
 		frame_finish(frame, WELKIN_FAILED, err->text);

@@ -17,6 +17,10 @@ bool progressive_photometer_step(struct workspace *ws, struct frame *frame, doub
  * output kernel reads. */
 bool progressive_strip_pass(struct workspace *ws, struct frame *frame, bool *settled, struct error *err);
 
+/* Runs a pass of the method's kernel; in clouds as often as its paths may need, ws->paths reserved for its threads. */
+bool progressive_reserve(struct workspace *ws, const struct frame *frame, int threads, struct error *err);
+void progressive_run(struct workspace *ws, const struct frame *frame, struct pass *pass);
+
 /* LOCATION_SAMPLES of the one pass that a view is metered by. */
 const int *progressive_meter_samples(const struct frame *frame);
 

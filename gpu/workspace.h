@@ -54,7 +54,7 @@ struct workspace {
 	struct raster raster;
 	struct buffer meter;                              /* mapped */
 	struct buffer samples, sample_layers;             /* mapped; progressive methods */
-	struct buffer sample_transmittance;               /* mapped; likewise, in clouds */
+	struct buffer sample_transmittance, paths;        /* mapped, device only; likewise, in clouds */
 	struct buffer directions, spectral_L, spectral_T; /* photometer; the last two mapped */
 	struct cost costs[WORKSPACE_COSTS];
 	unsigned cost_clock;

@@ -11,7 +11,7 @@
 /* Side of the finest cells, m: as high as cells are, within reason. */
 float majorant_side()
 {
-	return clamp((clouds.top - clouds.bottom) / float(MAJORANT_UP), 60.0, 100.0);
+	return clamp((clouds.top - clouds.bottom) / 20.0, 60.0, 100.0);
 }
 
 float majorant_cell_height()

@@ -17,11 +17,13 @@ layout(binding = UNIT_CLOUD_MAJORANT) uniform sampler3D cloud_majorant_texture;
 
 const float NOWHERE = 1e30;
 
-/* Turns of loops so far. llvmpipe ends an invocation's loops after 65,535, those of invocations that run along counted, so
- * paths that take more than their share of a few thousand are played for at every scattering. */
-int turns = 0;
-const int TURNS = 10000;
-const float ALIVE_AFTER = 0.985;
+/* Turns of loops so far. llvmpipe ends an invocation's loops after 65,535, those of the 8 invocations that run
+ * along counted: so a dispatch does so many and leaves the rest to the next one, in the midst of a way if need be. From where
+ * the dispatches to come might not suffice, Russian roulette ends paths by the turns they take. */
+int turns = 0, stop = 0;
+const int TURNS_A_DISPATCH = 2400;
+const int TURNS_BEFORE_ROULETTE = TURNS_A_DISPATCH * PATH_DISPATCHES * 2 / 3;
+const float TURNS_ALIVE = 2500.0; /* on the mean, then */
 
 vec3 from_world(vec3 d)
 {
@@ -86,12 +88,14 @@ float majorant_at(vec3 q, vec3 l, out float reach)
 	return inside ? majorant : cloud_majorant();
 }
 
-/* Moves t on to the next collision with the majorant; false: the way leaves the layer first. */
-bool next_collision(Flight f, inout vec4 spans, inout float t, out vec3 q, out float majorant)
+const int FOUND = 0, LEFT = 1, INTERRUPTED = 2;
+
+/* Moves t on to the next collision with the majorant, or to where the way leaves the layer. */
+int next_collision(Flight f, inout vec4 spans, inout float t, out vec3 q, out float majorant)
 {
 	float depth = -log(rng_next());
 	bool found = false, inside = true;
-	while (!found && inside) {
+	while (!found && inside && turns < stop) {
 		turns++;
 		if (t >= spans.y) {
 			spans = vec4(spans.zw, 0.0, 0.0);
@@ -106,52 +110,56 @@ bool next_collision(Flight f, inout vec4 spans, inout float t, out vec3 q, out f
 		found = inside && depth < majorant * reach;
 		float way = found ? depth / majorant : reach;
 		depth -= majorant * way;
-		t += way;
+		t += inside ? way : 0.0;
 		q += l * way;
 	}
-	return found;
+	return found ? FOUND : inside ? INTERRUPTED : LEFT;
 }
 
-/* Distance to the next collision with the layer, or NOWHERE. */
-float fly(Flight f, inout float weight)
+/* Distance from t on to the next collision with the layer, or NOWHERE. When interrupted, t is where to go on: tracking
+ * remembers nothing. */
+float fly(Flight f, inout float t, inout float weight, out bool interrupted)
 {
-	float t = f.spans.x, hit = NOWHERE, majorant;
 	vec4 spans = f.spans;
+	t = max(t, spans.x);
+	float hit = NOWHERE, majorant;
 	vec3 q;
-	bool flying = true;
-	while (flying) {
-		flying = next_collision(f, spans, t, q, majorant);
-		float sigma = flying ? cloud_extinction(q, 1) : 0.0, null_ = max(majorant, 1e-20) - sigma;
+	int state = FOUND;
+	while (state == FOUND) {
+		state = next_collision(f, spans, t, q, majorant);
+		float sigma = state == FOUND ? cloud_extinction(q, 1) : 0.0, null_ = max(majorant, 1e-20) - sigma;
 		float p = sigma / (sigma + abs(null_));
-		if (flying && rng_next() <= p) {
+		if (state == FOUND && rng_next() <= p) {
 			weight *= sigma / (majorant * p);
 			hit = t;
-			flying = false;
-		} else if (flying) {
+			state = LEFT;
+		} else if (state == FOUND) {
 			weight *= null_ / (majorant * (1.0 - p));
 		}
 	}
+	interrupted = state == INTERRUPTED;
 	return hit;
 }
 
-/* Share of light that the layer lets through. */
-float layer_transmittance(Flight f)
+/* Multiplies T by the share of light that the layer lets through from t on. */
+void pass_layer(Flight f, inout float t, inout float T, out bool interrupted)
 {
-	float t = f.spans.x, T = 1.0, majorant;
 	vec4 spans = f.spans;
+	t = max(t, spans.x);
+	float majorant;
 	vec3 q;
-	bool flying = true;
-	while (flying) {
-		flying = next_collision(f, spans, t, q, majorant);
-		if (flying) {
+	int state = T != 0.0 ? FOUND : LEFT;
+	while (state == FOUND) {
+		state = next_collision(f, spans, t, q, majorant);
+		if (state == FOUND) {
 			T *= 1.0 - cloud_extinction(q, 1) / majorant;
 			if (abs(T) < 0.25) { /* roulette */
 				T *= rng_next() < 0.5 ? 2.0 : 0.0;
-				flying = T != 0.0;
+				state = T != 0.0 ? FOUND : LEFT;
 			}
 		}
 	}
-	return T;
+	interrupted = state == INTERRUPTED;
 }
 
 /* ---- the high layer ---- */
@@ -266,87 +274,113 @@ vec4 meet(inout Vertex v, int what, vec3 to_sun)
 	return answer;
 }
 
-/* What of the sun's light reaches a vertex. */
-vec4 sunlight(Vertex v, Sheet sheet, vec3 to_sun)
-{
-	float mu_s = clamp(dot(v.up, to_sun), -1.0, 1.0);
-	vec4 T = sun_transmittance(v.h, mu_s);
-	Flight f = flight_along(v, to_sun, mu_s, band_mean(T) > 0.0 ? NOWHERE : 0.0);
-	return T * bands.sun_irradiance * (layer_transmittance(f) * sheet_transmittance(f, sheet));
-}
-
-struct Traced {
-	vec4 L;      /* mean radiance of the paths */
-	float clear; /* share of light from behind that no cloud took */
+/* Paths from a vertex, followed one after the other. */
+struct Paths {
+	Vertex v;
+	Sheet sheet;
+	int path, order; /* which is on its way, and how many scatterings its next one makes */
+	int since;       /* turns at its last one */
+	vec4 L;          /* sum of the radiance of paths so far */
+	float clear;     /* sum of their shares of light from behind that no cloud took */
+	bool sunward;    /* the way on which it is: the path's next one, or the one to the sun from the last vertex */
+	float t, weight; /* how far on it, and the weight of that: T, if to the sun */
+	vec4 answer;     /* sunlight of that vertex, but for the layer */
 };
 
-/* Follows paths one after the other, in one loop, so that invocations that run in step wait for each other at the end
- * only. */
-Traced trace_clouds(Vertex start, int paths, int max_order)
+/* Where and how a path scatters next, after its way through the layer, on which a cloud is hit at distance `hit`. */
+void scatter_next(inout Paths p, Flight f, float ground, float extent, float hit, int count, vec3 to_sun)
+{
+	Vertex v = p.v;
+	bool down = ground >= 0.0;
+	hit = min(hit, fly_sheet(f, min(hit, extent), p.sheet));
+	bool cloud = hit < NOWHERE;
+	float end = min(hit, extent);
+	v.beta *= p.weight;
+	if (p.order == 1)
+		p.clear += cloud ? 0.0 : p.weight;
+
+	/* the end of the way, or the air on it: by what either can bring */
+	vec4 through = exp(-optical_depth(column_along(v.h, f.mu, end, down)));
+#ifdef FURNACE
+	p.L += cloud || down ? vec4(0.0) : v.beta * through;
+#endif
+	float p_end = 0.0;
+	if (cloud || down) {
+		vec4 end_albedo = cloud ? vec4(clouds.albedo) : bands.ground_albedo;
+		float to_end = band_mean(abs(v.beta) * end_albedo * through), to_air = band_mean(abs(v.beta) * (1.0 - through));
+		p_end = to_end / max(to_end + to_air, 1e-30);
+	}
+	bool at_end = rng_next() <= p_end;
+	float s = p.order == 1 ? (float(p.path) + rng_next()) / float(count) : rng_next(), jacobian;
+	float t = air_position(v.h, f.mu, end, s, jacobian);
+	if (!at_end) {
+		through = exp(-optical_depth(column_along(v.h, f.mu, t, down)));
+		p.sheet = Sheet(0.0, 0.0);
+	}
+	v.beta *= through * (at_end ? 1.0 / p_end : jacobian / (1.0 - p_end));
+	move(v, f.mu, at_end ? end : t);
+	int what = !at_end ? MEETS_AIR : cloud ? MEETS_CLOUD : MEETS_GROUND;
+	v.h = what == MEETS_GROUND ? 0.0 : p.sheet.depth > 0.0 ? clouds.high_altitude : v.h;
+	p.answer = meet(v, what, to_sun);
+	p.v = v;
+}
+
+/* Russian roulette on what the path can still bring; the next one begins where it ends. */
+void go_on(inout Paths p, Vertex start, int max_order)
+{
+	vec4 size = abs(p.v.beta);
+	float alive = clamp(4.0 * max(max(size.x, size.y), max(size.z, size.w)), 0.0, 1.0);
+	alive *= p.order >= max_order ? 0.0 : exp(-float(max(turns - max(p.since, TURNS_BEFORE_ROULETTE), 0)) / TURNS_ALIVE);
+	p.since = turns;
+	p.v.beta /= max(alive, 1e-30);
+	bool ends = rng_next() > alive;
+	p.path += ends ? 1 : 0;
+	p.order = ends ? 1 : p.order + 1;
+	p.sheet.depth = ends ? 0.0 : p.sheet.depth;
+	if (ends)
+		p.v = start;
+}
+
+/* In one loop over paths and orders, so that invocations that run in step wait for each other at the end only. Returns
+ * once `count` paths are done, or the dispatch has done its share. */
+void follow(inout Paths p, Vertex start, int count, int max_order)
 {
 	vec3 to_sun = from_world(frame.sun_direction.xyz);
-	Traced sum = Traced(vec4(0.0), 0.0);
-	Vertex v = start;
-	Sheet sheet = Sheet(0.0, 0.0);
-	int path = 0, order = 1;
-	while (path < paths) {
-		float mu = clamp(dot(v.up, v.d), -1.0, 1.0), ground = ray_ground_distance(v.h, mu);
-		bool down = ground >= 0.0;
-		float extent = down ? ground : ray_top_distance(v.h, mu), weight = 1.0;
-		Flight f = flight_along(v, v.d, mu, extent);
-		float hit = fly(f, weight), sheet_hit = fly_sheet(f, min(hit, extent), sheet);
-		hit = min(hit, sheet_hit);
-		bool cloud = hit < NOWHERE;
-		float end = min(hit, extent);
-		v.beta *= weight;
-		if (order == 1)
-			sum.clear += cloud ? 0.0 : weight;
-
-		/* the end of the way, or the air on it */
-		vec4 through = exp(-optical_depth(column_along(v.h, mu, end, down)));
-#ifdef FURNACE
-		sum.L += cloud || down ? vec4(0.0) : v.beta * through;
-#endif
-		float all = max(band_mean(abs(v.beta)), 1e-30), p_end = 0.0;
-		if (cloud)
-			p_end = 1.0 - clamp(band_mean(abs(v.beta) * (1.0 - through)) / all, 0.0, 0.9);
-		else if (down)
-			p_end = clamp(band_mean(abs(v.beta) * bands.ground_albedo * through) / all, 0.0, 0.9);
-		bool at_end = rng_next() <= p_end;
-		float s = order == 1 ? (float(path) + rng_next()) / float(paths) : rng_next(), jacobian;
-		float t = air_position(v.h, mu, end, s, jacobian);
-		if (!at_end) {
-			through = exp(-optical_depth(column_along(v.h, mu, t, down)));
-			sheet = Sheet(0.0, 0.0);
-		}
-		v.beta *= through * (at_end ? 1.0 / p_end : jacobian / (1.0 - p_end));
-		move(v, mu, at_end ? end : t);
-		int what = !at_end ? MEETS_AIR : cloud ? MEETS_CLOUD : MEETS_GROUND;
-		v.h = what == MEETS_GROUND ? 0.0 : sheet.depth > 0.0 ? clouds.high_altitude : v.h;
-
-#ifdef FURNACE
-		meet(v, what, to_sun);
-#else
-		vec4 answer = meet(v, what, to_sun);
-		sum.L += answer * sunlight(v, sheet, to_sun);
-#endif
-
-		/* Russian roulette on what the path can still bring */
+	stop = turns + TURNS_A_DISPATCH;
+	while (p.path < count && turns < stop) {
 		turns++;
-		vec4 size = abs(v.beta);
-		float alive = clamp(4.0 * max(max(size.x, size.y), max(size.z, size.w)), 0.0, 1.0);
-		alive *= order >= max_order ? 0.0 : turns * paths > TURNS * (path + 1) ? ALIVE_AFTER : 1.0;
-		v.beta /= max(alive, 1e-30);
-		order++;
-		if (rng_next() > alive) {
-			path++;
-			order = 1;
-			v = start;
-			sheet = Sheet(0.0, 0.0);
+		bool interrupted;
+		if (!p.sunward) {
+			float mu = clamp(dot(p.v.up, p.v.d), -1.0, 1.0), ground = ray_ground_distance(p.v.h, mu);
+			float extent = ground >= 0.0 ? ground : ray_top_distance(p.v.h, mu);
+			Flight f = flight_along(p.v, p.v.d, mu, extent);
+			float hit = fly(f, p.t, p.weight, interrupted);
+			if (!interrupted) {
+				scatter_next(p, f, ground, extent, hit, count, to_sun);
+				p.sunward = true;
+				p.t = 0.0;
+				p.weight = 1.0;
+			}
+		}
+		if (p.sunward) {
+			float mu_s = clamp(dot(p.v.up, to_sun), -1.0, 1.0);
+			vec4 T = sun_transmittance(p.v.h, mu_s);
+			Flight f = flight_along(p.v, to_sun, mu_s, NOWHERE);
+			p.weight = band_mean(T * abs(p.answer)) > 0.0 ? p.weight : 0.0;
+			pass_layer(f, p.t, p.weight, interrupted);
+			if (!interrupted) {
+#ifndef FURNACE
+				p.L += p.answer * T * bands.sun_irradiance * (p.weight * sheet_transmittance(f, p.sheet));
+#endif
+				go_on(p, start, max_order);
+				p.sunward = false;
+				p.t = 0.0;
+				p.weight = 1.0;
+			}
 		}
 	}
-	/* llvmpipe ends the loops of invocations that take too many turns: not a number says so */
-	sum.L = path < paths ? vec4(uintBitsToFloat(0x7fc00000u)) : sum.L / float(paths);
-	sum.clear /= float(paths);
-	return sum;
+	if (p.path < count && turns < stop) { /* cut short by the driver: not a number says so */
+		p.L = vec4(uintBitsToFloat(0x7fc00000u));
+		p.path = count;
+	}
 }

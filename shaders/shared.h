@@ -41,6 +41,9 @@ typedef unsigned int uint;
 #define BIND_CLOUD_LIST 5    /* likewise: CLOUD_LIST_ of uint, points to march */
 #define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp */
 #define BIND_CLOUD_PLACE 8   /* vec4 per pixel: where they are */
+#define BIND_PATHS 8         /* kernel of the reference: PATH_UVEC4S per ray, paths through clouds that the next dispatch goes on with */
+#define PATH_UVEC4S 7
+#define PATH_DISPATCHES 32   /* so many at most, counted by LOCATION_ITERATION */
 #define BIND_SURFACES 9      /* uvec4 per pixel: what of the scene it shows, shaders/surface_record.glsl */
 #define BIND_BVH 10           /* nodes, gpu/bvh.h */
 #define BIND_TRIANGLES 11     /* in the order of the nodes' leaves */
@@ -76,10 +79,10 @@ typedef unsigned int uint;
 
 /* Majorants for paths through clouds (cloud_majorant.glsl): boxes around the camera, each CLOUD_GRID_GROWTH times as
  * wide as the one before, stacked likewise; their texture is made in so many runs. */
-#define MAJORANT_ACROSS 64
-#define MAJORANT_UP 20
-#define MAJORANT_LEVELS 4
-#define MAJORANT_RUNS 20
+#define MAJORANT_ACROSS 128
+#define MAJORANT_UP 40
+#define MAJORANT_LEVELS 3
+#define MAJORANT_RUNS 60
 #define BLUE_NOISE_SIDE 64
 
 #define CLOUD_BASE_RUNS 16 /* slabs that the base shape is made in */

@@ -27,6 +27,11 @@ vec4 ground_reflected = vec4(0.0);
 /* Distance to a surface that method_sky() itself met, for the depth layer; negative: none. */
 float surface_reached = -1.0;
 
+/* A method that takes several dispatches for a ray sets it in all but the one that finds L and T. */
+#ifdef SEVERAL_DISPATCHES
+bool sky_pending = false;
+#endif
+
 /* PLAIN, chosen when the program is built: pixels without layers, and none that the sun's disk may touch. */
 #ifdef PLAIN
 #define WANTED(bits) 0
@@ -93,6 +98,10 @@ void write_pixel(int i, Ray ray, bool shown)
 	float open = open_share(i);
 	if (open > 0.0)
 		method_sky(ray, L, T);
+#ifdef SEVERAL_DISPATCHES
+	if (sky_pending)
+		return;
+#endif
 	if (open < 1.0) {
 		L *= open;
 		T *= open;

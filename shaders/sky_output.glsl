@@ -2,7 +2,11 @@
 #include "colour.glsl"
 #include "surface_record.glsl"
 
+#ifdef SEVERAL_DISPATCHES /* few rays are worth a dispatch, and a software device would leave threads without a group */
+layout(local_size_x = WORKGROUP_LINE / 2) in;
+#else
 layout(local_size_x = WORKGROUP_LINE) in;
+#endif
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BATCH) uniform int batch;
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };

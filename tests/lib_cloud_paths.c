@@ -14,9 +14,9 @@
 
 #include <cmocka.h>
 
-enum { ORDERS_MOST = 5000 };
+enum { ORDERS_MOST = 1 << 23 };
 
-static void prepare(const struct cloud_paths *what, struct scene *scene)
+static void make_scene(const struct cloud_paths *what, struct scene *scene)
 {
 	static const struct welkin_limits limits = { .max_pixels = 1e9 };
 	struct welkin_draft draft;
@@ -49,6 +49,13 @@ static void build_tables(const struct scene *scene)
 	} while (state == TABLE_BUILDING);
 }
 
+void cloud_paths_prepare(const struct cloud_paths *what)
+{
+	static struct scene scene;
+	make_scene(what, &scene);
+	build_tables(&scene);
+}
+
 static struct cloud_paths_answer mean_of(const float (*L)[4], const float (*T)[4], int groups)
 {
 	double mean = 0, m2 = 0, through = 0;
@@ -65,30 +72,32 @@ static struct cloud_paths_answer mean_of(const float (*L)[4], const float (*T)[4
 double cloud_paths_trace(
 	const struct cloud_paths *what, const double (*directions)[3], int n, struct cloud_paths_answer *answers)
 {
-	static struct scene scene;
 	char choices[64];
 	const int groups = what->paths / PATHS_TOGETHER;
 	const size_t size = (size_t)n * (size_t)groups * 4 * sizeof(float);
 	struct buffer rays = lib_gpu_buffer((size_t)n * 4 * sizeof(float)), L = lib_gpu_buffer(size),
-		      T = lib_gpu_buffer(size);
+		      T = lib_gpu_buffer(size), paths = lib_gpu_buffer(PATH_UVEC4S * size);
 	float(*ray)[4] = rays.data;
 	for (int i = 0; i < n; i++)
 		for (int k = 0; k < 3; k++)
 			ray[i][k] = (float)directions[i][k];
-	prepare(what, &scene);
-	build_tables(&scene);
-	snprintf(choices, sizeof choices, "CLOUDS=1%s%s", *what->choices ? " " : "", what->choices);
+	cloud_paths_prepare(what);
+	const bool clouds = what->choices;
+	snprintf(choices, sizeof choices, "CLOUDS=1%s%s", clouds && *what->choices ? " " : "",
+		clouds ? what->choices : "");
 	struct pass pass = { .name = "paths",
-		.program = lib_gpu_program("methods/reference.comp", choices),
+		.program = lib_gpu_program("methods/reference.comp", clouds ? choices : ""),
 		.tile = { 0, 0, n, 1 },
 		.samples = { 0, groups, PATHS_TOGETHER, what->max_order > 0 ? what->max_order : ORDERS_MOST },
 		.threads = { n * groups, 1, 1 } };
 	pass.storage[BIND_RADIANCE] = L.id;
 	pass.storage[BIND_TRANSMITTANCE] = T.id;
 	pass.storage[BIND_DIRECTIONS] = rays.id;
+	pass.storage[BIND_PATHS] = paths.id;
 	struct pass_log log = { 0 };
 	struct error err = { "" };
-	passes_run(lib_gpu.passes, &pass);
+	for (pass.iteration = 0; pass.iteration < (clouds ? PATH_DISPATCHES : 1); pass.iteration++)
+		passes_run(lib_gpu.passes, &pass);
 	if (!passes_finish(lib_gpu.passes, &log, &err))
 		fail_msg("%s", err.text);
 	for (int i = 0; i < n; i++)
@@ -97,5 +106,6 @@ double cloud_paths_trace(
 	lib_gpu_free(&rays);
 	lib_gpu_free(&L);
 	lib_gpu_free(&T);
+	lib_gpu_free(&paths);
 	return log.times[0].ms;
 }

@@ -2,6 +2,7 @@
 
 #include <epoxy/gl.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <setjmp.h>
@@ -54,6 +55,19 @@ const struct program *lib_gpu_program(const char *name, const char *choices)
 	if (!program)
 		fail_msg("%s", err.text);
 	return program;
+}
+
+void lib_gpu_add_shader(const char *name)
+{
+	char path[256];
+	snprintf(path, sizeof path, "tests/shaders/%s", name);
+	FILE *file = fopen(path, "r");
+	char *text = calloc(1, 65536);
+	if (!file || !text || fread(text, 1, 65535, file) == 0)
+		fail_msg("%s: can't be read; run from the top folder", path);
+	else
+		fclose(file);
+	assert_true(programs_add_file(lib_gpu.programs, name, path, text));
 }
 
 void lib_gpu_run(const struct pass *pass)

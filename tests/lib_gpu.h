@@ -16,6 +16,9 @@ void lib_gpu_free(struct buffer *buffer);
 /* The program, or the test fails with what is wrong with it. */
 const struct program *lib_gpu_program(const char *name, const char *choices);
 
+/* Makes tests/shaders/NAME known to lib_gpu_program(). */
+void lib_gpu_add_shader(const char *name);
+
 /* Runs one pass and waits. */
 void lib_gpu_run(const struct pass *pass);
 

@@ -1,15 +1,16 @@
 #!/bin/sh
 # Syntax check of every kernel and of what draws, flattened as the program loader does it: includes once each, then
-# glslangValidator. usage: shader_check.sh SHADER_DIR
+# glslangValidator. Kernels that ask for CLOUDS are checked with it as well. usage: shader_check.sh SHADER_DIR
 set -eu
 dir=$1
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 checked=0
-for kernel in $(cd "$dir" && find . -name '*.comp' -o -name '*.vert' -o -name '*.frag' | sort); do
-	out=$work/$(echo "$kernel" | tr '/' '_' | sed 's/^\._//')
+# check SHADER DEFINE
+check() {
+	out=$work/shader
 	{
-		printf '#version 450\n#define WELKIN_GLSL 1\n'
+		printf '#version 450\n#define WELKIN_GLSL 1\n%s\n' "$2"
 		awk -v dir="$dir" '
 			function emit(path,    line, name) {
 				if (path in seen) return
@@ -20,13 +21,19 @@ for kernel in $(cd "$dir" && find . -name '*.comp' -o -name '*.vert' -o -name '*
 				}
 				close(path)
 			}
-			BEGIN { emit(ARGV[1]); exit }' "$dir/$kernel"
+			BEGIN { emit(ARGV[1]); exit }' "$dir/$1"
 	} > "$out"
-	if ! glslangValidator -S "${kernel##*.}" "$out" > "$work/log"; then
-		echo "$kernel:"
+	if ! glslangValidator -S "${1##*.}" "$out" > "$work/log"; then
+		echo "$1 $2:"
 		cat "$work/log"
 		exit 1
 	fi
 	checked=$((checked + 1))
+}
+for kernel in $(cd "$dir" && find . -name '*.comp' -o -name '*.vert' -o -name '*.frag' | sort); do
+	check "$kernel" ""
+	if grep -q '^#ifdef CLOUDS' "$dir/$kernel"; then
+		check "$kernel" "#define CLOUDS 1"
+	fi
 done
 echo "shader syntax: $checked shaders pass glslangValidator"

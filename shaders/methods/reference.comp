@@ -8,18 +8,80 @@
 layout(location = LOCATION_SAMPLES) uniform ivec4 samples;
 #define RAY_SHARE samples.y
 
+#ifdef CLOUDS
+#define SEVERAL_DISPATCHES
+#endif
+
 #include "sky.glsl"
 #include "path.glsl"
 #ifdef CLOUDS
 #include "cloud_path.glsl"
+
+layout(location = LOCATION_ITERATION) uniform int iteration;
+layout(std430, binding = BIND_PATHS) buffer Stored { uvec4 stored[]; };
+
+vec4 stored_at(int at)
+{
+	return uintBitsToFloat(stored[at]);
+}
+
+Paths load_paths(int at)
+{
+	vec4 up = stored_at(at), d = stored_at(at + 1), way = stored_at(at + 5);
+	uvec4 counts = stored[at + 6];
+	rng_state = counts.x;
+	turns = int(counts.w >> 1);
+	return Paths(Vertex(up.w, up.xyz, d.xyz, stored_at(at + 2)), Sheet(way.x, way.y), int(counts.y & 255u), int(counts.y >> 8), int(counts.z),
+		stored_at(at + 3), d.w, (counts.w & 1u) != 0u, way.z, way.w, stored_at(at + 4));
+}
+
+void store_paths(int at, Paths p)
+{
+	stored[at] = floatBitsToUint(vec4(p.v.up, p.v.h));
+	stored[at + 1] = floatBitsToUint(vec4(p.v.d, p.clear));
+	stored[at + 2] = floatBitsToUint(p.v.beta);
+	stored[at + 3] = floatBitsToUint(p.L);
+	stored[at + 4] = floatBitsToUint(p.answer);
+	stored[at + 5] = floatBitsToUint(vec4(p.sheet.depth, p.sheet.above, p.t, p.weight));
+	stored[at + 6] = uvec4(rng_state, uint(p.path) | uint(p.order) << 8, uint(p.since), uint(turns) << 1 | uint(p.sunward));
+}
+
+int first_stored()
+{
+	return int(gl_GlobalInvocationID.x) * PATH_UVEC4S;
+}
+
+/* Are paths of this invocation left to follow? */
+bool paths_left()
+{
+	return iteration == 0 || int(stored[first_stored() + 6].y & 255u) < samples.z;
+}
+
+/* Goes on with the paths of an invocation; true in the dispatch that ends them, with their means. */
+bool follow_stored(Vertex start, out vec4 L, out float clear)
+{
+	int at = first_stored();
+	Paths p = Paths(start, Sheet(0.0, 0.0), 0, 1, 0, vec4(0.0), 0.0, false, 0.0, 1.0, vec4(0.0));
+	if (iteration > 0)
+		p = load_paths(at);
+	follow(p, start, samples.z, samples.w);
+	store_paths(at, p);
+	bool done = p.path >= samples.z;
+	L = done ? p.L / float(samples.z) : vec4(uintBitsToFloat(0x7fc00000u));
+	clear = p.clear / float(samples.z);
+	return done || iteration == PATH_DISPATCHES - 1;
+}
 #endif
 
-void method_sky(Ray ray, out vec4 L, out vec4 T)
+void sample_sky(Ray ray, out vec4 L, out vec4 T)
 {
 	L = vec4(0.0);
 	T = vec4(1.0);
 	float h = ray.h, mu = ray.mu;
 	float entered = ray_enter(h, mu, length(cross(ray.d, ray.up)));
+#ifdef CLOUDS
+	sky_pending = iteration > 0; /* a ray that meets no air is done at once */
+#endif
 	if (entered < 0.0)
 		return;
 	Vertex start;
@@ -45,9 +107,9 @@ void method_sky(Ray ray, out vec4 L, out vec4 T)
 	start.up = vec3(0.0, 1.0, 0.0);
 	if (entered > 0.0)
 		start.up = normalize(start.up * (media.planet_radius + ray.h) + start.d * entered);
-	Traced traced = trace_clouds(start, samples.z, samples.w);
-	L = traced.L;
-	T *= traced.clear;
+	float clear;
+	sky_pending = !follow_stored(start, L, clear);
+	T *= clear;
 #else
 #ifdef SCENE
 	vec3 x = normalize(cross(ray.d, frame.camera_up.xyz)), y = cross(x, ray.d);
@@ -62,5 +124,18 @@ void method_sky(Ray ray, out vec4 L, out vec4 T)
 		L += trace(start, (float(i) + rng_next()) / float(samples.z), samples.w);
 	}
 	L = L / float(samples.z);
+#endif
+}
+
+void method_sky(Ray ray, out vec4 L, out vec4 T)
+{
+#ifdef CLOUDS
+	L = T = vec4(0.0);
+	sky_pending = true;
+	/* a loop of one turn, since llvmpipe leaves loops but not branches */
+	for (bool left = paths_left(); left; left = false)
+		sample_sky(ray, L, T);
+#else
+	sample_sky(ray, L, T);
 #endif
 }

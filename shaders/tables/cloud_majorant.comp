@@ -7,8 +7,8 @@ layout(location = LOCATION_ITERATION) uniform int iteration;
 
 /* By level: samples across a cell and up it; how much denser shapes may be between them. Where cells are wider than shapes,
  * samples of shapes are no use and what the weather allows stands for them. */
-const ivec2 SAMPLES[MAJORANT_LEVELS] = ivec2[](ivec2(3, 3), ivec2(6, 3), ivec2(6, 3), ivec2(6, 3));
-const float MARGIN[MAJORANT_LEVELS] = float[](0.08, 0.2, 1.0, 1.0);
+const ivec2 SAMPLES[MAJORANT_LEVELS] = ivec2[](ivec2(3, 2), ivec2(5, 2), ivec2(6, 1));
+const float MARGIN[MAJORANT_LEVELS] = float[](0.1, 0.25, 1.0);
 
 /* Of a sample, before erosion, which only lessens it. */
 float bound_at(vec3 q, float margin)
