@@ -33,8 +33,10 @@ class Chunks(io.RawIOBase):
 def parts(reply):
     """Yields headers and body of each part of a multipart reply as it comes; each says how long it is."""
     stream = io.BufferedReader(Chunks(reply))
-    while stream.readline().rstrip() and (lines := list(iter(stream.readline, b"\r\n"))) and lines[0]:
-        headers = email.parser.BytesHeaderParser().parsebytes(b"".join(lines))
+    while not (boundary := stream.readline().rstrip()).endswith(b"--"):
+        if not boundary:
+            raise EOFError("the reply ends before its last part")
+        headers = email.parser.BytesHeaderParser().parsebytes(b"".join(iter(lambda: stream.readline().rstrip(b"\r\n") + b"\n", b"\n")))
         yield headers, stream.read(int(headers["Content-Length"]))
         stream.readline()  # the line end before the next boundary
 
