@@ -4,9 +4,8 @@
  * (relative error about 1e-4 of the optical depth).
  *
  * A path chooses at every vertex between the ground (with the band-mean transmittance to it as
- * probability) and a collision on the way. Positions of collisions are sampled like the steps of the ray march,
- * t ~ s² from the dense end, so that one path vertex is one sample of the same integral that the
- * march does by quadrature; the first s of a group of paths is stratified. Directions are sampled from the
+ * probability) and a collision on the way, placed by density and transmittance (collision_at); the first of a group of
+ * paths is stratified. Directions are sampled from the
  * mixture of the two phase functions; all bands share one path, each with its own weight.
  * Sunlight is gathered at every vertex (next-event estimation), since the sun is a point to the air.
  */
@@ -163,80 +162,97 @@ vec4 scatter(inout Vertex v)
 	return L;
 }
 
-/* Follows one path from a point inside the air; s0 in (0,1) places its first collision. Returns
- * radiance per band of orders 1 to max_order; a bounce off the ground counts as one. */
-vec4 trace(Vertex v, float s0, int max_order)
+/* Where a path that goes on looks for its next collision, and the density of that choice in 1/m; s in (0,1).
+ * A ray that rises throughout or meets the ground takes, for most s, the law of an exponential atmosphere of the depth and
+ * extinction that are found here: density times transmittance. The rest take t ~ s² from the dense end, which bounds the weights
+ * where the air is not exponential; the density is that of the mixture. On a bent ray the two sides share s by length. */
+float collision_at(Vertex v, float mu, float extent, bool down, vec3 start, float s, out float pdf)
 {
-	vec4 L = vec4(0.0);
-	for (int order = 1; order <= max_order; order++) {
-		float mu = clamp(dot(v.up, v.d), -1.0, 1.0), R = media.planet_radius;
-		float ground = ray_ground_distance(v.h, mu);
-		bool down = ground >= 0.0;
-		float extent = down ? ground : ray_top_distance(v.h, mu);
-		vec3 start = down ? table_column(v.h, -mu) : table_column(v.h, mu);
-		bool ends = down; /* on something solid, of that albedo */
-		vec4 albedo = bands.ground_albedo;
-#ifdef SCENE
-		Surface met;
-		int triangle = scene_meet(v.at, v.d, down, extent);
-		if (triangle >= 0) {
-			ends = true;
-			met = surface_hit(triangle, v.at, v.d, order == 1 ? 1e-4 : 0.02);
-			albedo = spectral_albedo(met.albedo);
-		}
-#endif
-
-		if (ends) {
-#ifdef SCENE
-			float h_end = altitude_at(v.h, mu, extent), mu_end = mu_at(v.h, mu, extent, h_end);
-			vec3 end = table_column(h_end, down ? -mu_end : mu_end);
-			vec4 through = exp(-optical_depth(max(down ? end - start : start - end, 0.0)));
-#else
-			float mu_g = clamp(mu_at(v.h, mu, ground, 0.0), -1.0, 0.0);
-			vec4 through = exp(-optical_depth(max(table_column(0.0, -mu_g) - start, 0.0)));
-#endif
-			float p = clamp(band_mean(v.beta * albedo * through) /
-						max(band_mean(v.beta), 1e-30), 0.0, 0.9);
-			if (rng_next() < p) {
-				move(v, mu, extent);
-				v.beta *= through / p;
-#ifdef SCENE
-				if (triangle >= 0)
-					L += bounce_surface(v, met);
-				else
-#endif
-				L += bounce_ground(v);
-				s0 = rng_next();
-				continue;
-			}
-			v.beta /= 1.0 - p;
-		}
-
-		/* a collision: on a bent ray the two sides share the samples by length */
-		float lowest = clamp(-(R + v.h) * mu, 0.0, extent), jacobian;
-		Piece piece;
-		float share = extent > 0.0 ? sqrt(lowest) / (sqrt(lowest) + sqrt(extent - lowest)) : 0.0;
-		if (s0 < share) {
-			piece = Piece(0.0, lowest, true);
-			s0 /= share;
-		} else {
-			piece = Piece(lowest, extent - lowest, false);
-			s0 = (s0 - share) / (1.0 - share);
-			share = 1.0 - share;
-		}
-		float t = piece_position(piece, s0, jacobian);
-		move(v, mu, t);
-		float mu_t = clamp(dot(v.up, v.d), -1.0, 1.0);
-		vec3 end = down ? table_column(v.h, -mu_t) : table_column(v.h, mu_t);
-		v.beta *= exp(-optical_depth(max(down ? end - start : start - end, 0.0))) * (jacobian / share);
-		L += scatter(v);
-
-		/* Russian roulette on what the path can still bring */
-		float alive = clamp(4.0 * max(max(v.beta.x, v.beta.y), max(v.beta.z, v.beta.w)), 0.0, 1.0);
-		if (rng_next() >= alive)
-			break;
-		v.beta /= alive;
-		s0 = rng_next();
+	float lowest = clamp(-(media.planet_radius + v.h) * mu, 0.0, extent), jacobian;
+	bool straight = down || lowest <= 0.0;
+	if (!straight) {
+		float share = sqrt(lowest) / (sqrt(lowest) + sqrt(extent - lowest));
+		bool falls = s < share;
+		Piece piece = falls ? Piece(0.0, lowest, true) : Piece(lowest, extent - lowest, false);
+		s = falls ? s / share : (s - share) / (1.0 - share);
+		float t = piece_position(piece, s, jacobian);
+		pdf = (falls ? share : 1.0 - share) / max(jacobian, 1e-30);
+		return t;
 	}
-	return L;
+	/* the lower the sun, the more of the light comes from high up */
+	float exponential = mix(0.2, 0.8, smoothstep(0.0, 0.1, dot(v.up, frame.sun_direction.xyz)));
+	float dense = down ? max(altitude_at(v.h, mu, extent), 0.0) : v.h;
+	float depth = band_mean(optical_depth(down ? table_column(dense, -mu_at(v.h, mu, extent, dense)) : start));
+	float scale = clamp(depth / max(band_mean(optical_depth(density_at(dense))), 1e-30), 1.0, 1e7);
+	float most = 1.0 - exp(-extent / scale), k = down ? -depth : depth;
+	k = abs(k) < 1e-3 ? 1e-3 : clamp(k, -20.0, 20.0);
+	float norm = 1.0 - exp(-k * most);
+	float x = s < exponential ? -log(1.0 - s / exponential * norm) / k : 0.0;
+	float u = (s - exponential) / (1.0 - exponential);
+	float y = s < exponential ? -scale * log(max(1.0 - x, 1e-7)) : u * u * extent;
+	y = clamp(y, 1e-6 * extent, extent);
+	x = 1.0 - exp(-y / scale);
+	pdf = exponential * k * exp(-k * x - y / scale) / (norm * scale) + (1.0 - exponential) * 0.5 * inversesqrt(y * extent);
+	return down ? extent - y : y;
+}
+
+/* One vertex of a path on: L gains its radiance per band; false: the path ends here. s0 in (0,1) places the collision
+ * and becomes that of the next; a bounce off the ground counts as an order. */
+bool follow_vertex(inout Vertex v, inout float s0, int order, inout vec4 L)
+{
+	float mu = clamp(dot(v.up, v.d), -1.0, 1.0);
+	float ground = ray_ground_distance(v.h, mu);
+	bool down = ground >= 0.0;
+	float extent = down ? ground : ray_top_distance(v.h, mu);
+	vec3 start = down ? table_column(v.h, -mu) : table_column(v.h, mu);
+	bool ends = down; /* on something solid, of that albedo */
+	vec4 albedo = bands.ground_albedo;
+#ifdef SCENE
+	Surface met;
+	int triangle = scene_meet(v.at, v.d, down, extent);
+	if (triangle >= 0) {
+		ends = true;
+		met = surface_hit(triangle, v.at, v.d, order == 1 ? 1e-4 : 0.02);
+		albedo = spectral_albedo(met.albedo);
+	}
+#endif
+
+	if (ends) {
+#ifdef SCENE
+		float h_end = altitude_at(v.h, mu, extent), mu_end = mu_at(v.h, mu, extent, h_end);
+		vec3 end = table_column(h_end, down ? -mu_end : mu_end);
+		vec4 through = exp(-optical_depth(max(down ? end - start : start - end, 0.0)));
+#else
+		float mu_g = clamp(mu_at(v.h, mu, ground, 0.0), -1.0, 0.0);
+		vec4 through = exp(-optical_depth(max(table_column(0.0, -mu_g) - start, 0.0)));
+#endif
+		float p = clamp(band_mean(v.beta * albedo * through) /
+					max(band_mean(v.beta), 1e-30), 0.0, 0.9);
+		if (rng_next() < p) {
+			move(v, mu, extent);
+			v.beta *= through / p;
+#ifdef SCENE
+			if (triangle >= 0)
+				L += bounce_surface(v, met);
+			else
+#endif
+			L += bounce_ground(v);
+			s0 = rng_next();
+			return true;
+		}
+		v.beta /= 1.0 - p;
+	}
+
+	float pdf, t = collision_at(v, mu, extent, down, start, s0, pdf);
+	move(v, mu, t);
+	float mu_t = clamp(dot(v.up, v.d), -1.0, 1.0);
+	vec3 end = down ? table_column(v.h, -mu_t) : table_column(v.h, mu_t);
+	v.beta *= exp(-optical_depth(max(down ? end - start : start - end, 0.0))) / pdf;
+	L += scatter(v);
+
+	/* Russian roulette on what the path can still bring */
+	float alive = clamp(4.0 * max(max(v.beta.x, v.beta.y), max(v.beta.z, v.beta.w)), 0.0, 1.0);
+	v.beta /= alive;
+	s0 = rng_next();
+	return rng_next() < alive;
 }

@@ -115,13 +115,23 @@ void sample_sky(Ray ray, out vec4 L, out vec4 T)
 	vec3 x = normalize(cross(ray.d, frame.camera_up.xyz)), y = cross(x, ray.d);
 	float angle = sqrt(max(ray.pixel_solid_angle, 0.0));
 #endif
-	for (int i = 0; i < samples.z; i++) {
+	/* one loop through the vertices of all paths: lanes that run together do not wait for the longest of each */
+	Vertex v;
+	float s0;
+	for (int path = 0, order = 0; path < samples.z;) {
+		if (order++ == 0) {
+			v = start;
 #ifdef SCENE /* edges and textures are finer than a pixel, and every path looks elsewhere in it */
-		start.d = normalize(ray.d + angle * ((rng_next() - 0.5) * x + (rng_next() - 0.5) * y));
-		start.at = start.d * entered;
-		start.up = entered > 0.0 ? normalize(ray.up * (media.planet_radius + ray.h) + start.at) : ray.up;
+			v.d = normalize(ray.d + angle * ((rng_next() - 0.5) * x + (rng_next() - 0.5) * y));
+			v.at = v.d * entered;
+			v.up = entered > 0.0 ? normalize(ray.up * (media.planet_radius + ray.h) + v.at) : ray.up;
 #endif
-		L += trace(start, (float(i) + rng_next()) / float(samples.z), samples.w);
+			s0 = (float(path) + rng_next()) / float(samples.z);
+		}
+		if (!follow_vertex(v, s0, order, L) || order >= samples.w) {
+			path++;
+			order = 0;
+		}
 	}
 	L = L / float(samples.z);
 #endif
