@@ -304,8 +304,23 @@ static bool write_measured(const struct chart *c)
 
 struct pooled {
 	int method;
+	int scenes;
 	double error, ms; /* RMS over the class' scenes, and mean */
 };
+
+/* Leaves out settings that have not all scenes of their method: a line through points of different scenes says nothing.
+ */
+static int keep_whole(struct pooled *pooled, int n)
+{
+	int most[WELKIN_METHODS_MAX] = { 0 }, kept = 0;
+	for (int i = 0; i < n; i++)
+		most[pooled[i].method] =
+			most[pooled[i].method] > pooled[i].scenes ? most[pooled[i].method] : pooled[i].scenes;
+	for (int i = 0; i < n; i++)
+		if (pooled[i].scenes == most[pooled[i].method])
+			pooled[kept++] = pooled[i];
+	return kept;
+}
 
 /* A setting's points of one class; those outside of the method's domain are not its own. */
 static int pool_class(const struct chart *c, const char *class, struct pooled pooled[POINTS_MAX])
@@ -313,25 +328,25 @@ static int pool_class(const struct chart *c, const char *class, struct pooled po
 	int n = 0;
 	for (int i = 0; i < c->n_points; i++) {
 		const struct point *p = &c->points[i];
-		struct pooled sum = { p->setting.method, 0, 0 };
-		int same = 0, earlier = 0;
+		struct pooled sum = { .method = p->setting.method };
+		int earlier = 0;
 		for (int k = 0; k < c->n_points; k++) {
 			const struct point *q = &c->points[k];
 			if (strcmp(q->scene->class, class) || q->setting.method != p->setting.method ||
 				strcmp(q->setting.label, p->setting.label) || !q->covered)
 				continue;
 			earlier += k < i;
-			same++;
+			sum.scenes++;
 			sum.error += pow(fmax(q->error.rms, q->error.rms_uncertainty), 2); /* what could be told */
 			sum.ms += q->ms + q->ms_tables;
 		}
-		if (same == 0 || earlier || strcmp(p->scene->class, class) || !p->covered)
+		if (sum.scenes == 0 || earlier || strcmp(p->scene->class, class) || !p->covered)
 			continue;
-		sum.error = fmin(fmax(sqrt(sum.error / same), 1e-5), largest_error);
-		sum.ms /= same;
+		sum.error = fmin(fmax(sqrt(sum.error / sum.scenes), 1e-5), largest_error);
+		sum.ms /= sum.scenes;
 		pooled[n++] = sum;
 	}
-	return n;
+	return keep_whole(pooled, n);
 }
 
 static int by_ms(const void *a, const void *b)

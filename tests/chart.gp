@@ -53,7 +53,7 @@ set palette defined (-0.3 '#2040c0', -0.02 '#a0c0ff', 0 'white', 0.02 '#ffc0a0',
 set cbrange [-0.3:0.3]
 set cblabel 'relative error of luminance'
 set size ratio -1
-do for [file in system(sprintf("ls %s/map-day-45-*.txt %s/map-twilight-4-*.txt %s/map-space-400km-*.txt", folder, folder, folder))] {
+do for [file in system(sprintf("ls %s/map-*.txt", folder))] {
 	set output file[1:strlen(file)-4] . '.png'
 	set title system(sprintf("basename '%s' .txt", file)) noenhanced
 	plot file matrix using 1:2:3 with image
