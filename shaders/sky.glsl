@@ -19,6 +19,7 @@ struct Ray {
 void method_sky(Ray ray, out vec4 L, out vec4 T);
 
 float ray_ground_distance(float h, float mu);
+float mu_horizon(float h);
 
 /* The part of the L last returned by method_sky that the ground reflected, already attenuated: it
  * is left out of the in-scatter layer. A method that draws ground sets it. */
@@ -88,19 +89,85 @@ float open_share(int i)
 	return feature(FEATURE_SURFACES) ? 1.0 - surface_coverage(surface[i]) : 1.0;
 }
 
+/* A pixel that the ground's horizon crosses looks twice: into the middle of its sky and of its ground. */
+struct Looks {
+	int count;
+	float share; /* of the first */
+	float first, second; /* cosines with the vertical */
+};
+
+Looks looks_of(Ray ray)
+{
+	float horizon = mu_horizon(ray.h), slope = sqrt(max(1.0 - horizon * horizon, 1e-6));
+	float reach = 0.5 * slope * sqrt(max(ray.pixel_solid_angle, 0.0)), above = ray.mu - horizon;
+#ifdef SCENE /* such paths start all over the pixel */
+	reach = 0.0;
+#endif
+	return Looks(abs(above) < reach ? 2 : 1, 0.5 + 0.5 * above / max(reach, 1e-12),
+		horizon + 0.5 * (above + reach), horizon + 0.5 * (above - reach));
+}
+
+Ray look(Ray ray, Looks looks, int k)
+{
+	if (looks.count > 1) {
+		vec3 level = normalize(ray.d - ray.up * dot(ray.up, ray.d));
+		ray.mu = k == 0 ? looks.first : looks.second;
+		ray.d = level * sqrt(1.0 - ray.mu * ray.mu) + ray.up * ray.mu;
+	}
+	return ray;
+}
+
+float look_share(Looks looks, int k)
+{
+	return looks.count == 1 ? 1.0 : k == 0 ? looks.share : 1.0 - looks.share;
+}
+
+#if defined(PLAIN) && defined(METHOD_COLOR)
+vec4 pixel_color(Ray ray)
+{
+	vec4 color = vec4(0.0);
+	Looks looks = looks_of(ray);
+	int k = 0;
+	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
+		color += method_color(look(ray, looks, k)) * look_share(looks, k);
+	} while (++k < looks.count);
+	return color;
+}
+#elif !defined(SEVERAL_DISPATCHES)
+void pixel_sky(Ray ray, out vec4 L, out vec4 T)
+{
+	vec4 reflected = L = T = vec4(0.0);
+	Looks looks = looks_of(ray);
+	int k = 0;
+	do {
+		vec4 l, t;
+		float share = look_share(looks, k);
+		ground_reflected = vec4(0.0);
+		method_sky(look(ray, looks, k), l, t);
+		L += share * l;
+		T += share * t;
+		reflected += share * ground_reflected;
+	} while (++k < looks.count);
+	ground_reflected = reflected;
+}
+#endif
+
 void write_pixel(int i, Ray ray, bool shown)
 {
 #if defined(PLAIN) && defined(METHOD_COLOR)
-	vec4 color = method_color(ray) * open_share(i);
+	vec4 color = pixel_color(ray) * open_share(i);
 	add_color(i, shown ? color : vec4(vec3(0.0), dot(bands.sun_luminance, vec4(1.0))));
 #else
 	vec4 L = vec4(0.0), T = vec4(0.0);
 	float open = open_share(i);
+#ifdef SEVERAL_DISPATCHES
 	if (open > 0.0)
 		method_sky(ray, L, T);
-#ifdef SEVERAL_DISPATCHES
 	if (sky_pending)
 		return;
+#else
+	if (open > 0.0)
+		pixel_sky(ray, L, T);
 #endif
 	if (open < 1.0) {
 		L *= open;
