@@ -203,6 +203,39 @@ static void layers_tell_the_truth(void **state)
 	}
 }
 
+/* A pixel that the horizon crosses holds its share of sky and of ground, in every method's own way of making colours.
+ */
+static void the_horizon_is_smooth(void **state)
+{
+	enum { N = 9 };
+	static const char *const methods[] = { "sky_view", "depth_table" };
+	static const double above[] = { -0.3, 0, 0.3 }; /* middle of the middle row, in pixels */
+	(void)state;
+	for (int k = 0; k < 2 * 3; k++) {
+		struct welkin_request r = request(methods[k / 3], N, N);
+		/* near enough that the ground next to the horizon is hardly clearer than the ground at it */
+		const double R = r.atmosphere.planet_radius_m, h = 2, pixel = 0.005;
+		const double dip = acos(R / (R + h)) * 180 / M_PI, share = 0.5 + above[k % 3];
+		r.image.format = WELKIN_EXR;
+		r.image.exr_type = WELKIN_FLOAT;
+		r.camera.altitude_m = r.camera.position_m[1] = h;
+		r.image.projection = WELKIN_PERSPECTIVE;
+		r.camera.fov_deg = N * pixel;
+		r.camera.pitch_deg = above[k % 3] * pixel - dip;
+		r.exposure_mode = WELKIN_EXPOSURE_EV;
+		void *data;
+		a_picture(&renderer, &r, &data);
+		const float *middle = (const float *)data + (size_t)4 * N * (N / 2) + 4 * (N / 2);
+		for (int c = 0; c < 3; c++) {
+			const double sky = (double)middle[c - 4 * N], ground = (double)middle[c + 4 * N];
+			const double got = ((double)middle[c] - ground) / (sky - ground);
+			if (!(fabs(sky / ground - 1) > 0.2 && fabs(got - share) < 0.05))
+				fail_msg("%s: %.3f of the pixel is sky, wanted %.3f", methods[k / 3], got, share);
+		}
+		free(data);
+	}
+}
+
 /* ---- turns, cancellation, deadlines ---- */
 
 static struct welkin_job long_job(void)
@@ -551,6 +584,7 @@ int main(void)
 		cmocka_unit_test(strips_change_nothing),
 		cmocka_unit_test(turns_change_nothing),
 		cmocka_unit_test(layers_tell_the_truth),
+		cmocka_unit_test(the_horizon_is_smooth),
 		cmocka_unit_test(a_probe_overtakes),
 		cmocka_unit_test(nobody_starves),
 		cmocka_unit_test(cancelled),
