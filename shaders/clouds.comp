@@ -24,10 +24,38 @@ layout(std430, binding = BIND_CLOUD_LATTICE) buffer Lattice { vec4 lattice[]; };
 layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
 #endif
 
+const float RESOLVED = 400.0;  /* m: pixels that see more of the layer than this miss clouds between their rays */
+const int RAYS_PER_SIDE = 4;   /* of such a pixel, at most */
+const float GOLDEN = 0.61803399; /* steps that spread evenly in [0, 1) */
+
+/* How many rays along either side of a pixel: as many as show clouds smaller than it by their share. */
+int rays_per_side(vec3 d, float angle)
+{
+	CloudRay ray = cloud_ray(d, frame.vertical.xyz, frame.camera_altitude);
+	vec2 within = cloud_below(ray, clouds.top);
+	return ray.start < 0.0 || within.y <= within.x ? 1 : clamp(int(ceil(angle * within.x / RESOLVED)), 1, RAYS_PER_SIDE);
+}
+
+/* Mean over the pixel, with distances weighted as they are along a ray: by opacity, and by sunlight. */
 Clouds march(vec4 d, ivec2 pixel, float t_end)
 {
-	float angle = clamp(sqrt(max(d.w, 0.0)), 5e-4, 0.01);
-	return clouds_along(d.xyz, t_end, cloud_jitter(uvec2(pixel)), angle);
+	float side = sqrt(max(d.w, 0.0)), jitter = cloud_jitter(uvec2(pixel));
+	int n = rays_per_side(d.xyz, side);
+	vec3 across = normalize(abs(d.y) < 0.7 ? vec3(-d.z, 0.0, d.x) : vec3(0.0, d.z, -d.y)), down = cross(d.xyz, across);
+	vec4 light = vec4(0.0), place = vec4(0.0);
+	float opacity = 0.0, sunlight = 0.0;
+	for (int i = 0; i < n * n; i++) {
+		vec2 off = side * ((vec2(i % n, i / n) + 0.5) / float(n) - 0.5);
+		vec3 towards = normalize(d.xyz + across * off.x + down * off.y);
+		Clouds c = clouds_along(towards, t_end, fract(jitter + GOLDEN * float(i)), clamp(side / float(n), 5e-4, 0.01));
+		float a = 1.0 - c.light.x + 1e-6, b = c.light.y + 1e-12;
+		light += c.light;
+		place += vec4(a * c.place.x, a * (c.place.x * c.place.x + c.place.y * c.place.y), b * c.place.z, 0.0);
+		opacity += a;
+		sunlight += b;
+	}
+	float t = place.x / opacity;
+	return Clouds(light / float(n * n), vec4(t, sqrt(max(place.y / opacity - t * t, 0.0)), place.z / sunlight, 0.0));
 }
 
 #if RAYS == CLOUD_RAYS_GIVEN
