@@ -182,7 +182,8 @@ float next_step(March m, float sigma, float coarse)
 /* Goes on to where there may be a cloud: in large strides, the larger where the weather has none, and back to where it begins. */
 Sample next_cloud(Stretch s, inout float t, float length_, inout int left)
 {
-	float gap = 0.0, found = -1.0, coarse = coarse_step(s, t), whole = s.end - s.start;
+	/* found: where a cloud was met; the march may begin before the camera */
+	float gap = 0.0, found = -1e30, coarse = coarse_step(s, t), whole = s.end - s.start;
 	for (;;) {
 		Sample p = sample_at(s, t, length_);
 		if ((p.shape > 0.0 && gap <= 2.0 * coarse) || p.t >= s.end || left <= 0)
