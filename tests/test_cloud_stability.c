@@ -90,11 +90,12 @@ static bool same(const struct cloud_frame *a, const struct cloud_frame *b)
 	return memcmp(a->rgba, b->rgba, (size_t)a->width * (size_t)a->height * 4 * sizeof(float)) == 0;
 }
 
-/* A metre more or less changes nothing much, whether that is into the layer or out of it. */
+/* A metre more or less changes nothing much, whether that is into the layer or out of it. The high layer is a sheet
+ * without thickness, though: the camera is below it or above. */
 static void bounds_of_the_layer(void **state)
 {
 	(void)state;
-	static const double bounds_m[] = { 1200, 2800, 8500 };
+	static const double bounds_m[] = { 1200, 2800, 8500 }, change[] = { 0.005, 0.005, 0.15 };
 	for (size_t i = 0; i < sizeof bounds_m / sizeof bounds_m[0]; i++) {
 		double mean[3];
 		for (int k = 0; k < 3; k++)
@@ -102,7 +103,27 @@ static void bounds_of_the_layer(void **state)
 				"&clouds.high.coverage=0.4&sun.elevation_deg=35&camera.altitude_m=%g",
 				bounds_m[i] + k - 1);
 		print_message("at %g m - 1, 0, + 1: %.5g, %.5g, %.5g\n", bounds_m[i], mean[0], mean[1], mean[2]);
-		assert_true(fabs(mean[1] / mean[0] - 1) < 0.03 && fabs(mean[2] / mean[0] - 1) < 0.03);
+		assert_true(fabs(mean[1] / mean[0] - 1) < change[i] && fabs(mean[2] / mean[0] - 1) < change[i]);
+	}
+}
+
+/* In the layer, where marches begin before the camera by half a step: no step is so large that it loses what is there.
+ */
+static void inside_the_layer(void **state)
+{
+	(void)state;
+	static const double altitudes_m[] = { 1201, 1600, 2500 };
+	static const char scene[] = SKY AHEAD "&sun.elevation_deg=50&camera.pitch_deg=0&camera.fov_deg=40";
+	for (size_t i = 0; i < sizeof altitudes_m / sizeof altitudes_m[0]; i++) {
+		struct cloud_frame all = frame_of("%s&camera.altitude_m=%g", scene, altitudes_m[i]);
+		struct cloud_frame most =
+			frame_of("%s&camera.altitude_m=%g&clouds.savings=adaptive_steps,light_volume&clouds.steps=1024",
+				scene, altitudes_m[i]);
+		const double rmse = cloud_frame_rmse(&all, &most), bias = cloud_frame_bias(&all, &most);
+		print_message("inside, at %g m: RMSE %.3f, bias %+.3f\n", altitudes_m[i], rmse, bias);
+		assert_true(rmse < 0.15 && fabs(bias) < 0.03);
+		cloud_frame_free(&all);
+		cloud_frame_free(&most);
 	}
 }
 
@@ -220,7 +241,7 @@ static void mean_over_jitters(void **state)
 	static const double pitches_deg[] = { 20, 25, 40 };
 	for (size_t k = 0; k < sizeof pitches_deg / sizeof pitches_deg[0]; k++) {
 		struct cloud_frame jittered =
-			frame_of("%s&camera.pitch_deg=%g&clouds.savings=blue_noise,light_volume&clouds.steps=128",
+			frame_of("%s&camera.pitch_deg=%g&clouds.savings=blue_noise,light_volume&clouds.steps=512",
 				scene, pitches_deg[k]);
 		struct cloud_frame fine = frame_of(
 			"%s&camera.pitch_deg=%g&clouds.savings=light_volume&clouds.steps=1024", scene, pitches_deg[k]);
@@ -232,7 +253,7 @@ static void mean_over_jitters(void **state)
 		const double error = sqrt(variance / n);
 		print_message(
 			"pitch %g: %.5g, of 1024 steps %.5g, standard error %.2g\n", pitches_deg[k], mean, want, error);
-		assert_true(fabs(mean - want) <= 3 * error + 1e-4 * want);
+		assert_true(fabs(mean - want) <= fmax(3 * error, 1e-3 * want));
 		cloud_frame_free(&jittered);
 		cloud_frame_free(&fine);
 	}
@@ -275,8 +296,8 @@ static void from_space(void **state)
 		const double rmse = cloud_frame_rmse(&frame, &fine), ratio = mean_of(&frame) / mean_of(&fine);
 		print_message("from 400 km, %s: mean %+.2f %%, RMSE %.2f %%, %.0f ms\n", views[i].name,
 			100 * (ratio - 1), 100 * rmse, frame.march_ms);
-		assert_true(fabs(ratio - 1) < 0.02);
-		assert_true(rmse < 0.2);
+		assert_true(fabs(ratio - 1) < 0.025);
+		assert_true(rmse < 0.1);
 		cloud_frame_free(&frame);
 		cloud_frame_free(&fine);
 	}
@@ -289,6 +310,7 @@ int main(void)
 		cmocka_unit_test(mean_over_jitters),
 		cmocka_unit_test(steps),
 		cmocka_unit_test(bounds_of_the_layer),
+		cmocka_unit_test(inside_the_layer),
 		cmocka_unit_test(directions),
 		cmocka_unit_test(low_sun),
 		cmocka_unit_test(far_away),
