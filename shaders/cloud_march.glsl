@@ -144,6 +144,7 @@ void march_uniform(inout March m, Stretch s)
 const float SMALLEST = 300.0; /* m: clouds shorter than this may be missed between probes, unless a pixel is larger */
 const float CARVED = 100.0;   /* m: likewise gaps and tufts where the weather has clouds */
 const float FINEST = 20.0;    /* m */
+const float NEAR = 0.03;      /* steps per distance that are fine enough at any rate */
 const float FEWEST = 24.0;    /* steps through the layer, however little of it a pixel resolves */
 const float SEEN = 1.5;       /* steps per width of a pixel at their distance */
 const float HIDDEN = 0.8;     /* optical depth of a step at the edge of a cloud; it grows with the depth behind the edge */
@@ -170,7 +171,9 @@ Sample sample_at(Stretch s, float t, float length_)
 float coarse_step(Stretch s, float t)
 {
 	float whole = s.end - s.start;
-	return max(min(SEEN * s.pixel * t, whole / FEWEST), max(whole / float(4 * clouds.steps), FINEST));
+	/* a level ray within the layer is long, yet what is near is near */
+	float least = min(whole / float(4 * clouds.steps), FINEST + NEAR * max(t, 0.0));
+	return max(min(SEEN * s.pixel * t, whole / FEWEST), max(least, FINEST));
 }
 
 /* Of the next step, from what was found in one. */
