@@ -15,7 +15,8 @@
 
 #include <cmocka.h>
 
-#define SKY "atmosphere.method=sky_view&clouds.preset=cumulus&sun.azimuth_deg=120&sun.disk=false"
+#define CLEAR "atmosphere.method=sky_view&sun.azimuth_deg=120&sun.disk=false"
+#define SKY CLEAR "&clouds.preset=cumulus"
 #define ALL_ROUND                                                                                                      \
 	"&image.projection=equirectangular&image.width=48&image.height=24&camera.heading_deg=0&camera.pitch_deg=0"
 #define AHEAD "&image.width=40&image.height=40&camera.heading_deg=40"
