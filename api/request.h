@@ -187,6 +187,21 @@ struct welkin_scene {
 	int32_t shaft_steps;   /* samples along a ray where the scene may throw shadows */
 };
 
+/* The tables of noise that clouds are made from, as /v1/noise shows them (api/noise.c). */
+enum welkin_noise_table { WELKIN_NOISE_BASE, WELKIN_NOISE_DETAIL, WELKIN_NOISE_CURL, WELKIN_NOISE_WEATHER };
+enum {
+	WELKIN_NOISE_TABLES = WELKIN_NOISE_WEATHER + 1,
+	WELKIN_NOISE_BASE_SIDE = 128, /* texels along each axis of the volumes and the maps */
+	WELKIN_NOISE_DETAIL_SIDE = 32,
+	WELKIN_NOISE_CURL_SIDE = 128,
+	WELKIN_NOISE_WEATHER_SIDE = 512
+};
+
+struct welkin_noise_slice {
+	int32_t table; /* enum welkin_noise_table */
+	int32_t layer; /* from 0; always 0 of a map */
+};
+
 /* Numbers that the operator's methods take, of all of them together. */
 enum { WELKIN_METHOD_VALUES = 64 };
 

@@ -135,7 +135,7 @@ void clouds_prepare(struct scene *scene, const struct welkin_request *request)
 
 static enum table_state need_base(struct frame_tables *tables, const struct CloudsBlock *c, struct error *err)
 {
-	enum { SIZE = 128 };
+	enum { SIZE = WELKIN_NOISE_BASE_SIDE };
 	static const struct table_desc base = {
 		.name = "cloud_base",
 		.width = SIZE,
@@ -160,9 +160,9 @@ static enum table_state need_detail(struct frame_tables *tables, const struct Cl
 {
 	static const struct table_desc detail = {
 		.name = "cloud_detail",
-		.width = 32,
-		.height = 32,
-		.depth = 32,
+		.width = WELKIN_NOISE_DETAIL_SIDE,
+		.height = WELKIN_NOISE_DETAIL_SIDE,
+		.depth = WELKIN_NOISE_DETAIL_SIDE,
 		.internal_format = GL_RGBA8,
 		.unit = UNIT_CLOUD_DETAIL,
 		.repeats = 1,
@@ -179,8 +179,8 @@ static enum table_state need_weather(struct frame_tables *tables, const struct C
 {
 	static const struct table_desc weather = {
 		.name = "cloud_weather",
-		.width = 512,
-		.height = 512,
+		.width = WELKIN_NOISE_WEATHER_SIDE,
+		.height = WELKIN_NOISE_WEATHER_SIDE,
 		.internal_format = GL_RGBA8,
 		.unit = UNIT_CLOUD_WEATHER,
 		.repeats = 1,
@@ -196,8 +196,8 @@ static enum table_state need_curl(struct frame_tables *tables, const struct Clou
 {
 	static const struct table_desc curl = {
 		.name = "cloud_curl",
-		.width = 128,
-		.height = 128,
+		.width = WELKIN_NOISE_CURL_SIDE,
+		.height = WELKIN_NOISE_CURL_SIDE,
 		.internal_format = GL_RGBA8,
 		.unit = UNIT_CLOUD_CURL,
 		.repeats = 1,
@@ -240,6 +240,27 @@ static enum table_state need_shapes(struct frame_tables *tables, const struct Cl
 	for (size_t i = 0; i < sizeof needs / sizeof needs[0] && state == TABLE_READY; i++)
 		state = needs[i](tables, clouds, err);
 	return state;
+}
+
+static const struct {
+	enum table_state (*need)(struct frame_tables *, const struct CloudsBlock *, struct error *);
+	int unit;
+} noises[WELKIN_NOISE_TABLES] = {
+	[WELKIN_NOISE_BASE] = { need_base, UNIT_CLOUD_BASE },
+	[WELKIN_NOISE_DETAIL] = { need_detail, UNIT_CLOUD_DETAIL },
+	[WELKIN_NOISE_CURL] = { need_curl, UNIT_CLOUD_CURL },
+	[WELKIN_NOISE_WEATHER] = { need_weather, UNIT_CLOUD_WEATHER },
+};
+
+enum table_state need_noise(
+	struct frame_tables *tables, const struct scene *scene, enum welkin_noise_table table, struct error *err)
+{
+	return noises[table].need(tables, &scene->clouds, err);
+}
+
+int clouds_noise_unit(enum welkin_noise_table table)
+{
+	return noises[table].unit;
 }
 
 enum table_state need_clouds(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)

@@ -1,5 +1,7 @@
 #include "gpu/job.h"
 
+#include "api/api.h"
+
 static size_t main_bytes_per_pixel(const struct welkin_image *image)
 {
 	if (image->format == WELKIN_PNG)
@@ -49,6 +51,15 @@ size_t welkin_job_bytes(const struct welkin_job *job)
 		return welkin_radiance_layout(job->n_directions, job->n_wavelengths).total * sizeof(double);
 	}
 	const struct welkin_image *image = &job->request.image;
+	if (job->kind == WELKIN_JOB_NOISE) {
+		if (job->noise.table < 0 || job->noise.table >= WELKIN_NOISE_TABLES)
+			return 0;
+		const int side = welkin_noise_infos[job->noise.table].side,
+			  layers = welkin_noise_infos[job->noise.table].layers;
+		if (job->noise.layer < 0 || job->noise.layer >= layers || image->width != side || image->height != side)
+			return 0;
+		return (size_t)side * (size_t)side * 4;
+	}
 	if (image->width < 1 || image->width > 16384 || image->height < 1 || image->height > 16384)
 		return 0;
 	return welkin_image_layout(image).total;

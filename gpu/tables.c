@@ -262,6 +262,17 @@ enum table_state tables_need(struct frame_tables *tables, const struct table_des
 	return TABLE_READY;
 }
 
+unsigned tables_texture(const struct frame_tables *tables, int unit)
+{
+	const struct table *last = NULL;
+	for (int i = 0; i < TABLES_MAX; i++) {
+		const struct table *t = &tables->list[i];
+		if (t->desc && t->desc->unit == unit && (!last || t->used > last->used))
+			last = t;
+	}
+	return last ? last->texture : 0;
+}
+
 void *tables_kept(struct frame_tables *tables, const void *kind, const void *key, size_t key_size)
 {
 	struct table *t = find(tables, kind, key, key_size);
