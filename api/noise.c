@@ -19,7 +19,8 @@ const struct welkin_noise_info welkin_noise_infos[WELKIN_NOISE_TABLES] = {
 
 bool welkin_noise_field(const struct welkin_field *field)
 {
-	return !strncmp(field->name, "clouds.", 7) || !strcmp(field->name, "seed");
+	const bool of_clouds = !strncmp(field->name, "clouds.", 7) && strcmp(field->name, "clouds.weather.map") != 0;
+	return of_clouds || !strcmp(field->name, "seed");
 }
 
 void noise_slice_from_text(const char *value, struct welkin_noise_slice *slice, struct welkin_faults *faults)

@@ -143,6 +143,8 @@ struct welkin_atmosphere {
 	double ozone_column_du, ozone_center_m, ozone_half_width_m;
 };
 
+enum welkin_weather_map { WELKIN_WEATHER_PROCEDURAL, WELKIN_WEATHER_SCENE };
+
 struct welkin_clouds {
 	int32_t preset; /* enum welkin_cloud_preset; only a label once resolved */
 	int32_t lighting;
@@ -155,7 +157,8 @@ struct welkin_clouds {
 	int32_t base_perlin_frequency, base_perlin_octaves, base_worley_frequency, base_shape, base_metric,
 		base_inverted;
 	double detail_scale_m, detail_gamma, detail_strength;
-	int32_t detail_frequency, reserved;
+	int32_t detail_frequency;
+	int32_t weather_map; /* enum welkin_weather_map */
 	double curl_scale_m, curl_strength_m;
 	double high_coverage, high_optical_depth, high_altitude_m, high_scale_m;
 	int32_t high_type, steps, light_steps;

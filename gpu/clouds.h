@@ -2,6 +2,7 @@
 #define WELKIN_GPU_CLOUDS_H
 
 #include "api/request.h"
+#include "gpu/mesh.h"
 #include "gpu/scene.h"
 #include "gpu/tables.h"
 
@@ -9,6 +10,9 @@
 
 /* Fills scene->clouds; the camera's frame must be there. Pure CPU work. */
 void clouds_prepare(struct scene *scene, const struct welkin_request *request);
+
+/* Gives them the weather map of that mesh, which has one and outlives the scene. */
+void clouds_paint(struct scene *scene, const struct mesh_header *mesh);
 
 /* Would clouds be in the frame at all? */
 bool clouds_present(const struct welkin_clouds *clouds);

@@ -68,7 +68,11 @@ static bool hold_scene(struct workspace *ws, struct frame *f, struct error *err)
 	if (!f->job.scene_key[0])
 		return true;
 	f->mesh = scene_store_hold(&ws->scenes, f->job.scene_key);
-	return f->mesh || error_set(err, "the scene %.32s did not arrive", f->job.scene_key);
+	if (!f->mesh)
+		return error_set(err, "the scene %.32s did not arrive", f->job.scene_key);
+	if (f->job.request.clouds.weather_map == WELKIN_WEATHER_SCENE && f->mesh->weather_texture < 0)
+		return error_set(err, "the scene %.32s has no weather map", f->job.scene_key);
+	return true;
 }
 
 static void prepare(struct frame *f)
@@ -89,10 +93,15 @@ static void prepare(struct frame *f)
 		f->stage = FRAME_NOISE;
 		return;
 	}
+	const bool painted = job->request.clouds.weather_map == WELKIN_WEATHER_SCENE && f->mesh;
+	if (painted)
+		clouds_paint(&f->scene, f->mesh);
 	if (f->method->prepare)
 		f->method->prepare(&f->scene, &job->request);
 	planner_plan(&f->plan, job, &f->scene, f->method, f->mesh);
 	f->scene.frame.features = f->plan.features;
+	if (painted && f->plan.features & FEATURE_CLOUDS)
+		planner_note(&f->plan, "table-cloud_weather", false, "painted: weather.png of the scene");
 	f->result.bands = f->scene.n_bands;
 	f->result.expected_error = f->method->progressive ? NAN : choose_expect(&job->request, 0).error;
 }

@@ -282,6 +282,7 @@ WELKIN_BLOCK(CloudsBlock, BIND_CLOUDS)
 	int worley_metric, worley_inverted, detail_frequency;
 	uint cloud_seed;
 	float persistence, base_gamma, detail_gamma, reserved;
+	uint painted_a, painted_b, painted_c, painted_d; /* which painted weather map it is, for the keys of tables; 0: procedural */
 WELKIN_BLOCK_END(clouds)
 
 /* One batch of four wavelengths. */
