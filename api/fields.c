@@ -10,7 +10,7 @@
 
 static const char *const projections[] = { "perspective", "equirectangular", "fisheye", "cube_face", "cubemap", NULL };
 static const char *const cube_faces[] = { "front", "right", "back", "left", "up", "down", NULL };
-static const char *const layers[] = { "depth", "transmittance", "inscatter", NULL };
+static const char *const layers[] = { "depth", "transmittance", "inscatter", "clouds", NULL };
 static const char *const png_bits[] = { "8", "16", NULL };
 static const char *const exr_types[] = { "half", "float", NULL };
 static const char *const exr_compressions[] = { "none", "rle", "zips", "zip", "piz", NULL };
@@ -60,7 +60,9 @@ static const struct welkin_field built_in[] = {
 		AT(image.cube_face) },
 	{ "image.layers", WELKIN_TYPE_FLAGS, "", 0, 0, "",
 		"Extra layers of an EXR image: distance to the ground in metres, transmittance along the ray, light "
-		"scattered into the ray.",
+		"scattered into the ray; of the clouds the light that they and the air before them add, their "
+		"transmittance and "
+		"their mean distance.",
 		layers, AT(image.layers) },
 	{ "image.png_bits", WELKIN_TYPE_INT, "bit", 8, 16, "8", "Bits per channel of a PNG image: 8 or 16.", png_bits,
 		AT(image.png_bits) },

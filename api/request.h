@@ -24,7 +24,12 @@ enum welkin_projection {
 
 enum welkin_cube_face { WELKIN_FRONT, WELKIN_RIGHT, WELKIN_BACK, WELKIN_LEFT, WELKIN_UP, WELKIN_DOWN };
 
-enum welkin_layer { WELKIN_LAYER_DEPTH = 1, WELKIN_LAYER_TRANSMITTANCE = 2, WELKIN_LAYER_INSCATTER = 4 };
+enum welkin_layer {
+	WELKIN_LAYER_DEPTH = 1,
+	WELKIN_LAYER_TRANSMITTANCE = 2,
+	WELKIN_LAYER_INSCATTER = 4,
+	WELKIN_LAYER_CLOUDS = 8
+};
 
 enum welkin_format { WELKIN_PNG, WELKIN_EXR };
 enum welkin_exr_type { WELKIN_HALF, WELKIN_FLOAT };

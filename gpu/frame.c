@@ -46,6 +46,9 @@ static const char *find_fault(const struct welkin_job *job)
 		!in_range(r->exposure_mode, WELKIN_EXPOSURE_PUPIL) ||
 		!in_range(r->atmosphere.spectrum, WELKIN_SPECTRUM_40))
 		return "a choice that does not exist";
+	if (job->kind == WELKIN_JOB_IMAGE && image->layers & WELKIN_LAYER_CLOUDS &&
+		welkin_methods[r->atmosphere.method]->progressive && clouds_present(&r->clouds))
+		return "paths have no layer of clouds";
 	return NULL;
 }
 

@@ -13,7 +13,7 @@ struct welkin_image_layout welkin_image_layout(const struct welkin_image *image)
 {
 	const size_t none = (size_t)-1, pixels = (size_t)image->width * (size_t)image->height;
 	const uint32_t layers = image->format == WELKIN_EXR ? image->layers : 0;
-	struct welkin_image_layout l = { 0, none, none, none, pixels * main_bytes_per_pixel(image) };
+	struct welkin_image_layout l = { 0, none, none, none, none, pixels * main_bytes_per_pixel(image) };
 	if (layers & WELKIN_LAYER_INSCATTER) {
 		l.inscatter = l.total;
 		l.total += pixels * 12;
@@ -25,6 +25,10 @@ struct welkin_image_layout welkin_image_layout(const struct welkin_image *image)
 	if (layers & WELKIN_LAYER_DEPTH) {
 		l.depth = l.total;
 		l.total += pixels * 4;
+	}
+	if (layers & WELKIN_LAYER_CLOUDS) {
+		l.clouds = l.total;
+		l.total += pixels * WELKIN_CLOUD_SAMPLES * 4;
 	}
 	return l;
 }

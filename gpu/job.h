@@ -20,7 +20,8 @@ enum welkin_job_kind { WELKIN_JOB_IMAGE, WELKIN_JOB_RADIANCE, WELKIN_JOB_NOISE }
  *   plane 0: main RGBA. PNG 8: uint8 ×4 sRGB; PNG 16: uint16 ×4 sRGB (native endian);
  *            EXR half: 4 × binary16; EXR float: 4 × binary32 (linear Rec.709 · exposure scale).
  *   then, EXR only and always binary32, in this order when asked for:
- *            inscatter RGB (same unit as main), transmittance RGB, depth (m, +inf for none).
+ *            inscatter RGB (same unit as main), transmittance RGB, depth (m, +inf for none), clouds (5: RGB of their
+ *            light, same unit; their transmittance; their mean distance in m, +inf for none).
  * A radiance job's memfd holds doubles: directions (world frame unit vectors x y z) × n_directions,
  * wavelengths_nm × n_wavelengths, then the reply: radiance[d][w] (W/m²/sr/nm), std_error[d][w]
  * (NaN: the method has none), transmittance[d][w] (to the top of the atmosphere; 0 behind ground),
@@ -122,8 +123,9 @@ size_t welkin_job_bytes(const struct welkin_job *job);
 
 /* Offsets into an image job's memfd; (size_t)-1 when that plane is not there. */
 struct welkin_image_layout {
-	size_t main, inscatter, transmittance, depth, total;
+	size_t main, inscatter, transmittance, depth, clouds, total;
 };
+enum { WELKIN_CLOUD_SAMPLES = 5 };
 struct welkin_image_layout welkin_image_layout(const struct welkin_image *image);
 
 /* Offsets, in doubles, into a radiance job's memfd. */

@@ -32,10 +32,10 @@ struct welkin_file_info {
 bool welkin_encode_png(
 	const struct welkin_file_info *info, const void *pixels, struct welkin_bytes *out, struct error *err);
 
-/* OpenEXRCore. R G B A, then layers: inscatter.{R,G,B}, transmittance.{R,G,B}, Z. Attributes: chromaticities
- * (Rec.709), whiteLuminance (cd/m² of a pixel of value 1), latitude, longitude, altitude, envmap (a level
- * equirectangular image), software, comments, and welkin.* (request, method, device, build, camera.*, sun.*, timing).
- * Half files hold ±65504 in place of infinities and 0 in place of NaN. The bytes don't depend on threads. */
+/* OpenEXRCore. R G B A, then layers: inscatter.{R,G,B}, transmittance.{R,G,B}, Z, clouds.{R,G,B,T,Z}. Attributes:
+ * chromaticities (Rec.709), whiteLuminance (cd/m² of a pixel of value 1), latitude, longitude, altitude, envmap (a
+ * level equirectangular image), software, comments, and welkin.* (request, method, device, build, camera.*, sun.*,
+ * timing). Half files hold ±65504 in place of infinities and 0 in place of NaN. The bytes don't depend on threads. */
 bool welkin_encode_exr(
 	const struct welkin_file_info *info, const void *pixels, struct welkin_bytes *out, struct error *err);
 
