@@ -64,7 +64,8 @@ vec4 cloud_radiance(vec3 d, vec4 answer, float t)
 	return sunlight * answer.y + (down * answer.z + back * answer.w) / PI;
 }
 
-/* A layer of their own of an image: without their shadows, so that it and what is behind times T add up to the image. */
+/* A layer of their own of an image: without what their shadows take, which would make it negative. Where nothing is in
+ * shadow, it and what is behind times T add up to the image. */
 void add_to_layer(int i, vec3 rgb, float T, float away)
 {
 #ifdef CLOUD_LAYER
