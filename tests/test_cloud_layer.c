@@ -116,8 +116,7 @@ static void it_adds_up(void **state)
 	}
 }
 
-/* From the ground the air below lies in their shadow, which is not in the layer: it can only be that the image is
- * darker. */
+/* From the ground, air lies in their shadow, which is not in the layer: the image is darker than the sum. */
 static void shadows_stay_behind(void **state)
 {
 	(void)state;
