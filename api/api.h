@@ -109,6 +109,24 @@ void welkin_parse_argument(
  * UTF-8 and hands each argument to welkin_parse_argument. At most 256 arguments. */
 void welkin_parse_query(struct welkin_draft *draft, const char *query, size_t length, struct welkin_faults *faults);
 
+/* ---- noise.c: what /v1/noise takes ---- */
+
+struct welkin_noise_info {
+	const char *name, *channels; /* channels: what they hold */
+	int side, layers;            /* texels; layers 1: a map */
+	bool alpha;                  /* the fourth channel says something too */
+};
+/* By enum welkin_noise_table. */
+extern const struct welkin_noise_info welkin_noise_infos[WELKIN_NOISE_TABLES];
+
+/* Does a field change the tables of noise? Others are faults there. */
+bool welkin_noise_field(const struct welkin_field *field);
+
+/* A raw query like welkin_parse_query's, of those fields and of slice, a whole number from 0, which goes to
+ * slice->layer. slice->table says of what. */
+void welkin_parse_noise(struct welkin_draft *draft, struct welkin_noise_slice *slice, const char *query, size_t length,
+	struct welkin_faults *faults);
+
 /* The extra members of a /v1/radiance body. Unit vectors in the world frame. */
 struct welkin_photometer {
 	int n_directions, n_wavelengths;

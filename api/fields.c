@@ -10,7 +10,7 @@
 
 static const char *const projections[] = { "perspective", "equirectangular", "fisheye", "cube_face", "cubemap", NULL };
 static const char *const cube_faces[] = { "front", "right", "back", "left", "up", "down", NULL };
-static const char *const layers[] = { "depth", "transmittance", "inscatter", NULL };
+static const char *const layers[] = { "depth", "transmittance", "inscatter", "clouds", NULL };
 static const char *const png_bits[] = { "8", "16", NULL };
 static const char *const exr_types[] = { "half", "float", NULL };
 static const char *const exr_compressions[] = { "none", "rle", "zips", "zip", "piz", NULL };
@@ -32,6 +32,7 @@ static const char *const cloud_shapes[] = { "dilated_squared", "dilated", "carve
 	"worley", "uniform", NULL };
 static const char *const worley_metrics[] = { "euclidean", "manhattan", NULL };
 static const char *const high_clouds[] = { "cirrus", "cirrocumulus", "altocumulus", NULL };
+static const char *const weather_maps[] = { "procedural", "scene", NULL };
 static const char *const cloud_savings[] = { "steps_by_elevation", "early_exit", "empty_space", "adaptive_steps",
 	"light_volume", "half_resolution", "blue_noise", "shared_light", NULL };
 
@@ -59,7 +60,9 @@ static const struct welkin_field built_in[] = {
 		AT(image.cube_face) },
 	{ "image.layers", WELKIN_TYPE_FLAGS, "", 0, 0, "",
 		"Extra layers of an EXR image: distance to the ground in metres, transmittance along the ray, light "
-		"scattered into the ray.",
+		"scattered into the ray; of the clouds the light that they and the air before them add, their "
+		"transmittance and "
+		"their mean distance.",
 		layers, AT(image.layers) },
 	{ "image.png_bits", WELKIN_TYPE_INT, "bit", 8, 16, "8", "Bits per channel of a PNG image: 8 or 16.", png_bits,
 		AT(image.png_bits) },
@@ -215,6 +218,11 @@ static const struct welkin_field built_in[] = {
 		AT(clouds.backward_g) },
 	{ "clouds.phase.backward_share", WELKIN_TYPE_DOUBLE, "", 0, 1, "0.05",
 		"Share of the light in the backward lobe.", NULL, AT(clouds.backward_share) },
+	{ "clouds.weather.map", WELKIN_TYPE_ENUM, "", 0, 0, "procedural",
+		"Where the weather map comes from: procedural, from coverage, type, precipitation and seed; scene, the "
+		"weather.png of scene.name: red coverage, green precipitation, blue type, alpha height of the bases, "
+		"the upper edge north. A coverage of 0 leaves the layer out all the same.",
+		weather_maps, AT(clouds.weather_map) },
 	{ "clouds.weather.scale_m", WELKIN_TYPE_DOUBLE, "m", 1e3, 1e6, "",
 		"Side of the weather map, which repeats: where there are clouds, of what type, how dense.", NULL,
 		AT(clouds.weather_scale_m) },

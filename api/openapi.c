@@ -105,7 +105,8 @@ struct operation {
 	const char *body; /* schema of the JSON body, or NULL */
 	bool renders;     /* waits in the queue; by GET, takes every field in the query */
 	struct media replies[4];
-	bool uploads; /* its body is an archive */
+	bool uploads;                          /* its body is an archive */
+	const struct welkin_noise_info *noise; /* what it shows; it then takes only the fields that change that */
 };
 
 static const struct operation operations[] = {
@@ -119,6 +120,16 @@ static const struct operation operations[] = {
 		"SequenceRequest", true, { { "multipart/mixed", NULL } } },
 	{ "/v1/radiance", "post", "radiance", "Measure spectral radiance in given directions", "RadianceRequest", true,
 		{ { "application/json", "RadianceReply" } } },
+	{ "/v1/noise/base.png", "get", "noiseBase",
+		"One layer of the volume of shapes that clouds are made from, as it is", NULL, true,
+		{ { "image/png", NULL } }, false, &welkin_noise_infos[WELKIN_NOISE_BASE] },
+	{ "/v1/noise/detail.png", "get", "noiseDetail",
+		"One layer of the volume that erodes the edges of clouds, as it is", NULL, true,
+		{ { "image/png", NULL } }, false, &welkin_noise_infos[WELKIN_NOISE_DETAIL] },
+	{ "/v1/noise/curl.png", "get", "noiseCurl", "The map that displaces that, as it is", NULL, true,
+		{ { "image/png", NULL } }, false, &welkin_noise_infos[WELKIN_NOISE_CURL] },
+	{ "/v1/noise/weather.png", "get", "noiseWeather", "The map of weather that clouds are made from, as it is",
+		NULL, true, { { "image/png", NULL } }, false, &welkin_noise_infos[WELKIN_NOISE_WEATHER] },
 	{ "/v1/methods", "get", "methods", "The methods, where they are valid, what they cost and how they err", NULL,
 		false, { { "application/json", "Methods" } } },
 	{ "/v1/presets", "get", "presets", "The presets and the fields they set", NULL, false,
@@ -228,7 +239,9 @@ static void add_operation(cJSON *path, const struct operation *op, const char *m
 	snprintf(id, sizeof id, "%s%s", op->id, suffix);
 	doc_string(o, "operationId", id);
 	doc_string(o, "summary", op->summary);
-	if (takes_fields(op))
+	if (op->noise)
+		openapi_noise_parameters(doc_array(o, "parameters"), op->noise);
+	else if (takes_fields(op))
 		openapi_parameter_refs(doc_array(o, "parameters"));
 	if (op->body) {
 		cJSON *body = doc_object(o, "requestBody");

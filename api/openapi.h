@@ -1,6 +1,8 @@
 #ifndef WELKIN_API_OPENAPI_H
 #define WELKIN_API_OPENAPI_H
 
+#include "api/api.h"
+
 #include <cJSON.h>
 
 /* Building an OpenAPI document as a cJSON tree. An addition that fails for want of memory gives
@@ -18,6 +20,8 @@ void doc_ref(cJSON *parent, const char *key, const char *pointer); /* {"$ref": "
 void openapi_fields(cJSON *parameters, cJSON *schemas);
 /* Every field as a reference, for an operation's list of parameters. */
 void openapi_parameter_refs(cJSON *list);
+/* Those that change the noise of clouds, and which slice. */
+void openapi_noise_parameters(cJSON *list, const struct welkin_noise_info *table);
 /* The other schemas, written by hand. */
 void openapi_schemas(cJSON *schemas);
 

@@ -264,6 +264,25 @@ void openapi_parameter_refs(cJSON *list)
 	}
 }
 
+void openapi_noise_parameters(cJSON *list, const struct welkin_noise_info *table)
+{
+	cJSON *slice = doc_object(list, NULL);
+	doc_string(slice, "name", "slice");
+	doc_string(slice, "in", "query");
+	doc_string(slice, "description", "The layer of the volume, along its third axis; a map has one.");
+	cJSON *schema = doc_object(slice, "schema");
+	doc_string(schema, "type", "integer");
+	doc_number(schema, "minimum", 0);
+	doc_number(schema, "maximum", table->layers - 1);
+	doc_number(schema, "default", 0);
+	for (int i = 0; i < welkin_field_count; i++) {
+		char pointer[128];
+		snprintf(pointer, sizeof pointer, "parameters/%s", welkin_fields[i].name);
+		if (welkin_noise_field(&welkin_fields[i]))
+			doc_ref(list, NULL, pointer);
+	}
+}
+
 void openapi_fields(cJSON *parameters, cJSON *schemas)
 {
 	static const struct welkin_draft empty;

@@ -58,8 +58,28 @@ static const char *decode(char *text, size_t length)
 	return utf8_check(text, to) < to ? "bytes that are not UTF-8" : NULL;
 }
 
+/* What a query is read into. */
+struct query {
+	struct welkin_draft *draft;
+	struct welkin_noise_slice *slice; /* NULL: there is no such argument */
+	bool sliced;
+};
+
+/* True where the argument was the slice. */
+static bool take_slice(struct query *query, const char *name, const char *value, struct welkin_faults *faults)
+{
+	if (!query->slice || strcmp(name, "slice") != 0)
+		return false;
+	if (query->sliced)
+		welkin_fault_add(faults, 400, name, "", "is given more than once");
+	else
+		noise_slice_from_text(value, query->slice, faults);
+	query->sliced = true;
+	return true;
+}
+
 /* One "name=value", raw, of that length; the byte after it may be written. */
-static void parse_pair(struct welkin_draft *draft, char *pair, size_t length, int number, struct welkin_faults *faults)
+static void parse_pair(struct query *query, char *pair, size_t length, int number, struct welkin_faults *faults)
 {
 	char *value = memchr(pair, '=', length);
 	const size_t name_length = value ? (size_t)(value - pair) : length;
@@ -69,12 +89,19 @@ static void parse_pair(struct welkin_draft *draft, char *pair, size_t length, in
 		welkin_fault_add(faults, 400, "", "", "argument %d: %s", number, wrong_name ? wrong_name : "no name");
 	else if (wrong)
 		welkin_fault_add(faults, 400, pair, "", "the value holds %s", wrong);
-	else
-		welkin_parse_argument(draft, pair, value ? value + 1 : NULL, faults);
+	else if (!take_slice(query, pair, value ? value + 1 : NULL, faults))
+		welkin_parse_argument(query->draft, pair, value ? value + 1 : NULL, faults);
 }
 
 void welkin_parse_query(struct welkin_draft *draft, const char *query, size_t length, struct welkin_faults *faults)
 {
+	parse_query(draft, NULL, query, length, faults);
+}
+
+void parse_query(struct welkin_draft *draft, struct welkin_noise_slice *slice, const char *query, size_t length,
+	struct welkin_faults *faults)
+{
+	struct query into = { .draft = draft, .slice = slice };
 	char *copy = malloc(length + 1);
 	if (!copy) {
 		welkin_fault_add(faults, 503, "", "", "out of memory");
@@ -92,7 +119,7 @@ void welkin_parse_query(struct welkin_draft *draft, const char *query, size_t le
 			break;
 		}
 		if (size > 0)
-			parse_pair(draft, copy + from, size, n, faults);
+			parse_pair(&into, copy + from, size, n, faults);
 		from += size + 1;
 	}
 	free(copy);

@@ -24,7 +24,12 @@ enum welkin_projection {
 
 enum welkin_cube_face { WELKIN_FRONT, WELKIN_RIGHT, WELKIN_BACK, WELKIN_LEFT, WELKIN_UP, WELKIN_DOWN };
 
-enum welkin_layer { WELKIN_LAYER_DEPTH = 1, WELKIN_LAYER_TRANSMITTANCE = 2, WELKIN_LAYER_INSCATTER = 4 };
+enum welkin_layer {
+	WELKIN_LAYER_DEPTH = 1,
+	WELKIN_LAYER_TRANSMITTANCE = 2,
+	WELKIN_LAYER_INSCATTER = 4,
+	WELKIN_LAYER_CLOUDS = 8
+};
 
 enum welkin_format { WELKIN_PNG, WELKIN_EXR };
 enum welkin_exr_type { WELKIN_HALF, WELKIN_FLOAT };
@@ -143,6 +148,8 @@ struct welkin_atmosphere {
 	double ozone_column_du, ozone_center_m, ozone_half_width_m;
 };
 
+enum welkin_weather_map { WELKIN_WEATHER_PROCEDURAL, WELKIN_WEATHER_SCENE };
+
 struct welkin_clouds {
 	int32_t preset; /* enum welkin_cloud_preset; only a label once resolved */
 	int32_t lighting;
@@ -155,7 +162,8 @@ struct welkin_clouds {
 	int32_t base_perlin_frequency, base_perlin_octaves, base_worley_frequency, base_shape, base_metric,
 		base_inverted;
 	double detail_scale_m, detail_gamma, detail_strength;
-	int32_t detail_frequency, reserved;
+	int32_t detail_frequency;
+	int32_t weather_map; /* enum welkin_weather_map */
 	double curl_scale_m, curl_strength_m;
 	double high_coverage, high_optical_depth, high_altitude_m, high_scale_m;
 	int32_t high_type, steps, light_steps;
@@ -185,6 +193,21 @@ struct welkin_scene {
 	int32_t shadow_size;   /* texels along a side of the map */
 	int32_t shafts;        /* enum welkin_shafts */
 	int32_t shaft_steps;   /* samples along a ray where the scene may throw shadows */
+};
+
+/* The tables of noise that clouds are made from, as /v1/noise shows them (api/noise.c). */
+enum welkin_noise_table { WELKIN_NOISE_BASE, WELKIN_NOISE_DETAIL, WELKIN_NOISE_CURL, WELKIN_NOISE_WEATHER };
+enum {
+	WELKIN_NOISE_TABLES = WELKIN_NOISE_WEATHER + 1,
+	WELKIN_NOISE_BASE_SIDE = 128, /* texels along each axis of the volumes and the maps */
+	WELKIN_NOISE_DETAIL_SIDE = 32,
+	WELKIN_NOISE_CURL_SIDE = 128,
+	WELKIN_NOISE_WEATHER_SIDE = 512
+};
+
+struct welkin_noise_slice {
+	int32_t table; /* enum welkin_noise_table */
+	int32_t layer; /* from 0; always 0 of a map */
 };
 
 /* Numbers that the operator's methods take, of all of them together. */

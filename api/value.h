@@ -27,4 +27,9 @@ double *value_numbers(const struct welkin_field *field, struct welkin_request *r
 /* "-90 to 90 deg", "one of a, b, c": what a fault gives as allowed. */
 void value_allowed(const struct welkin_field *field, char *text, size_t size);
 
+/* "slice" of a query; and a query in which it may be (NULL: it may not). */
+void noise_slice_from_text(const char *value, struct welkin_noise_slice *slice, struct welkin_faults *faults);
+void parse_query(struct welkin_draft *draft, struct welkin_noise_slice *slice, const char *query, size_t length,
+	struct welkin_faults *faults);
+
 #endif

@@ -44,16 +44,24 @@ static int lattice_across(int from, int pixels)
 	return ((from + pixels - 1) / 4 - from / 4 + 1) * 2 + 1;
 }
 
+/* Does the image have a layer of them? */
+static bool layered(const struct frame *f)
+{
+	return f->job.kind == WELKIN_JOB_IMAGE && f->plan.features & FEATURE_LAYERS &&
+	       f->job.request.image.layers & WELKIN_LAYER_CLOUDS;
+}
+
 bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error *err)
 {
 	if (!(f->plan.features & FEATURE_CLOUDS) || f->method->progressive)
 		return true;
 	const struct welkin_clouds *clouds = &f->job.request.clouds;
 	const char *surfaces = f->plan.features & FEATURE_SURFACES ? "SURFACES=1" : "";
-	char choices[64];
+	char choices[64], compose[64];
+	snprintf(compose, sizeof compose, "%s%s", layered(f) ? "CLOUD_LAYER=1 " : "", surfaces);
 	snprintf(choices, sizeof choices, "LIGHTING=%d SAVINGS=%u %s", clouds->lighting, clouds->savings, surfaces);
 	return (f->clouds = programs_get(ws->programs, "clouds.comp", choices, err)) &&
-	       (f->compose = programs_get(ws->programs, "cloud_compose.comp", surfaces, err)) &&
+	       (f->compose = programs_get(ws->programs, "cloud_compose.comp", compose, err)) &&
 	       (!by_lattice(f) || choose_lattice(ws, f, choices, err));
 }
 
@@ -71,6 +79,7 @@ bool clouds_reserve(struct workspace *ws, const struct frame *f, int pixels, str
 		return true;
 	return workspace_reserve(&ws->cloud_light, size, false, err) &&
 	       workspace_reserve(&ws->cloud_place, size, false, err) &&
+	       (!layered(f) || workspace_reserve(&ws->cloud_layer, 2 * size, false, err)) &&
 	       (!f->cloud_lattice.corners ||
 		       (workspace_reserve(&ws->cloud_lattice, points * 8 * sizeof(float), false, err) &&
 			       workspace_reserve(
@@ -124,6 +133,8 @@ void clouds_run(struct workspace *ws, const struct frame *f, const int tile[4], 
 	compose.program = f->compose;
 	compose.storage[BIND_RADIANCE] = radiance;
 	compose.storage[BIND_TRANSMITTANCE] = transmittance;
+	if (layered(f))
+		compose.storage[BIND_CLOUD_LAYER] = ws->cloud_layer.id;
 	const bool spectral = f->stage == FRAME_DIRECTIONS;
 	const int first = spectral ? f->batch : 0, last = spectral ? f->batch : f->scene.n_batches - 1;
 	for (compose.batch = first; compose.batch <= last; compose.batch++) {

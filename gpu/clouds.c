@@ -5,6 +5,7 @@
 
 #include <epoxy/gl.h>
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 _Static_assert(CLOUDS_PHYSICAL == WELKIN_CLOUDS_PHYSICAL && CLOUDS_ARTISTIC == WELKIN_CLOUDS_ARTISTIC,
@@ -131,11 +132,18 @@ void clouds_prepare(struct scene *scene, const struct welkin_request *request)
 	block->detail_gamma = (float)c->detail_gamma;
 }
 
+void clouds_paint(struct scene *scene, const struct mesh_header *mesh)
+{
+	struct CloudsBlock *block = &scene->clouds;
+	scene->weather = mesh;
+	sscanf(mesh->key, "%8x%8x%8x%8x", &block->painted_a, &block->painted_b, &block->painted_c, &block->painted_d);
+}
+
 /* ---- tables ---- */
 
 static enum table_state need_base(struct frame_tables *tables, const struct CloudsBlock *c, struct error *err)
 {
-	enum { SIZE = 128 };
+	enum { SIZE = WELKIN_NOISE_BASE_SIDE };
 	static const struct table_desc base = {
 		.name = "cloud_base",
 		.width = SIZE,
@@ -160,9 +168,9 @@ static enum table_state need_detail(struct frame_tables *tables, const struct Cl
 {
 	static const struct table_desc detail = {
 		.name = "cloud_detail",
-		.width = 32,
-		.height = 32,
-		.depth = 32,
+		.width = WELKIN_NOISE_DETAIL_SIDE,
+		.height = WELKIN_NOISE_DETAIL_SIDE,
+		.depth = WELKIN_NOISE_DETAIL_SIDE,
 		.internal_format = GL_RGBA8,
 		.unit = UNIT_CLOUD_DETAIL,
 		.repeats = 1,
@@ -179,8 +187,8 @@ static enum table_state need_weather(struct frame_tables *tables, const struct C
 {
 	static const struct table_desc weather = {
 		.name = "cloud_weather",
-		.width = 512,
-		.height = 512,
+		.width = WELKIN_NOISE_WEATHER_SIDE,
+		.height = WELKIN_NOISE_WEATHER_SIDE,
 		.internal_format = GL_RGBA8,
 		.unit = UNIT_CLOUD_WEATHER,
 		.repeats = 1,
@@ -192,12 +200,21 @@ static enum table_state need_weather(struct frame_tables *tables, const struct C
 	return tables_need(tables, &weather, &key, sizeof key, 0, err);
 }
 
+static enum table_state need_painted(struct frame_tables *tables, const struct mesh_header *mesh, struct error *err)
+{
+	static const char kind;
+	const struct mesh_texture *map = &mesh_textures(mesh)[mesh->weather_texture];
+	const bool there = tables_need_picture(tables, &kind, mesh->key, sizeof mesh->key, UNIT_CLOUD_WEATHER,
+		(int)map->width, (int)map->height, (const char *)mesh + map->pixels, err);
+	return there ? TABLE_READY : TABLE_FAILED;
+}
+
 static enum table_state need_curl(struct frame_tables *tables, const struct CloudsBlock *c, struct error *err)
 {
 	static const struct table_desc curl = {
 		.name = "cloud_curl",
-		.width = 128,
-		.height = 128,
+		.width = WELKIN_NOISE_CURL_SIDE,
+		.height = WELKIN_NOISE_CURL_SIDE,
 		.internal_format = GL_RGBA8,
 		.unit = UNIT_CLOUD_CURL,
 		.repeats = 1,
@@ -232,21 +249,43 @@ static enum table_state need_blue_noise(struct frame_tables *tables, const struc
 	return c->savings & SAVE_BLUE_NOISE ? tables_need(tables, &noise, &always, sizeof always, 0, err) : TABLE_READY;
 }
 
-static enum table_state need_shapes(struct frame_tables *tables, const struct CloudsBlock *clouds, struct error *err)
+static enum table_state need_shapes(struct frame_tables *tables, const struct scene *scene, struct error *err)
 {
 	static enum table_state (*const needs[])(struct frame_tables *, const struct CloudsBlock *,
-		struct error *) = { need_base, need_detail, need_weather, need_curl, need_high, need_blue_noise };
-	enum table_state state = TABLE_READY;
+		struct error *) = { need_base, need_detail, need_curl, need_high, need_blue_noise };
+	enum table_state state =
+		scene->weather ? need_painted(tables, scene->weather, err) : need_weather(tables, &scene->clouds, err);
 	for (size_t i = 0; i < sizeof needs / sizeof needs[0] && state == TABLE_READY; i++)
-		state = needs[i](tables, clouds, err);
+		state = needs[i](tables, &scene->clouds, err);
 	return state;
+}
+
+static const struct {
+	enum table_state (*need)(struct frame_tables *, const struct CloudsBlock *, struct error *);
+	int unit;
+} noises[WELKIN_NOISE_TABLES] = {
+	[WELKIN_NOISE_BASE] = { need_base, UNIT_CLOUD_BASE },
+	[WELKIN_NOISE_DETAIL] = { need_detail, UNIT_CLOUD_DETAIL },
+	[WELKIN_NOISE_CURL] = { need_curl, UNIT_CLOUD_CURL },
+	[WELKIN_NOISE_WEATHER] = { need_weather, UNIT_CLOUD_WEATHER },
+};
+
+enum table_state need_noise(
+	struct frame_tables *tables, const struct scene *scene, enum welkin_noise_table table, struct error *err)
+{
+	return noises[table].need(tables, &scene->clouds, err);
+}
+
+int clouds_noise_unit(enum welkin_noise_table table)
+{
+	return noises[table].unit;
 }
 
 enum table_state need_clouds(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)
 {
 	enum table_state state = need_aerial(tables, scene, batch, err);
 	if (state == TABLE_READY)
-		state = need_shapes(tables, &scene->clouds, err);
+		state = need_shapes(tables, scene, err);
 	return state == TABLE_READY ? need_cloud_light(tables, scene, err) : state;
 }
 
@@ -271,6 +310,6 @@ static enum table_state need_majorant(struct frame_tables *tables, const struct 
 enum table_state need_cloud_paths(struct frame_tables *tables, const struct scene *scene, struct error *err)
 {
 	const bool shapes = scene->clouds.base_shape != SHAPE_UNIFORM || scene->clouds.high[2] > 0;
-	const enum table_state state = shapes ? need_shapes(tables, &scene->clouds, err) : TABLE_READY;
+	const enum table_state state = shapes ? need_shapes(tables, scene, err) : TABLE_READY;
 	return state == TABLE_READY ? need_majorant(tables, &scene->clouds, err) : state;
 }

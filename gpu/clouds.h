@@ -2,6 +2,7 @@
 #define WELKIN_GPU_CLOUDS_H
 
 #include "api/request.h"
+#include "gpu/mesh.h"
 #include "gpu/scene.h"
 #include "gpu/tables.h"
 
@@ -9,6 +10,9 @@
 
 /* Fills scene->clouds; the camera's frame must be there. Pure CPU work. */
 void clouds_prepare(struct scene *scene, const struct welkin_request *request);
+
+/* Gives them the weather map of that mesh, which has one and outlives the scene. */
+void clouds_paint(struct scene *scene, const struct mesh_header *mesh);
 
 /* Would clouds be in the frame at all? */
 bool clouds_present(const struct welkin_clouds *clouds);
@@ -18,6 +22,11 @@ int clouds_cost_key(const struct welkin_clouds *clouds);
 
 /* All tables that clouds read: noise, weather and the map of high clouds (UNIT_CLOUD_…), and the sky's light. */
 enum table_state need_clouds(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
+
+/* One of the tables of noise, bound to clouds_noise_unit(). */
+enum table_state need_noise(
+	struct frame_tables *tables, const struct scene *scene, enum welkin_noise_table table, struct error *err);
+int clouds_noise_unit(enum welkin_noise_table table);
 
 /* Those that paths through clouds read: noise, weather, the map of high clouds, majorants of extinction. */
 enum table_state need_cloud_paths(struct frame_tables *tables, const struct scene *scene, struct error *err);

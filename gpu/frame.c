@@ -31,7 +31,7 @@ static const char *find_fault(const struct welkin_job *job)
 {
 	const struct welkin_request *r = &job->request;
 	const struct welkin_image *image = &r->image;
-	if (!in_range(job->kind, WELKIN_JOB_RADIANCE))
+	if (!in_range(job->kind, WELKIN_JOB_NOISE))
 		return "unknown kind of job";
 	if (strnlen(job->scene_key, sizeof job->scene_key) == sizeof job->scene_key)
 		return "the name of the scene has no end";
@@ -46,6 +46,9 @@ static const char *find_fault(const struct welkin_job *job)
 		!in_range(r->exposure_mode, WELKIN_EXPOSURE_PUPIL) ||
 		!in_range(r->atmosphere.spectrum, WELKIN_SPECTRUM_40))
 		return "a choice that does not exist";
+	if (job->kind == WELKIN_JOB_IMAGE && image->layers & WELKIN_LAYER_CLOUDS &&
+		welkin_methods[r->atmosphere.method]->progressive && clouds_present(&r->clouds))
+		return "paths have no layer of clouds";
 	return NULL;
 }
 
@@ -68,7 +71,11 @@ static bool hold_scene(struct workspace *ws, struct frame *f, struct error *err)
 	if (!f->job.scene_key[0])
 		return true;
 	f->mesh = scene_store_hold(&ws->scenes, f->job.scene_key);
-	return f->mesh || error_set(err, "the scene %.32s did not arrive", f->job.scene_key);
+	if (!f->mesh)
+		return error_set(err, "the scene %.32s did not arrive", f->job.scene_key);
+	if (f->job.request.clouds.weather_map == WELKIN_WEATHER_SCENE && f->mesh->weather_texture < 0)
+		return error_set(err, "the scene %.32s has no weather map", f->job.scene_key);
+	return true;
 }
 
 static void prepare(struct frame *f)
@@ -82,13 +89,23 @@ static void prepare(struct frame *f)
 	} else {
 		scene_prepare(&f->scene, &job->request, NULL, 0);
 	}
+	f->result.id = job->id;
+	f->result.exposure_scale = 1;
+	f->result.expected_error = NAN;
+	if (job->kind == WELKIN_JOB_NOISE) {
+		f->stage = FRAME_NOISE;
+		return;
+	}
+	const bool painted = job->request.clouds.weather_map == WELKIN_WEATHER_SCENE && f->mesh;
+	if (painted)
+		clouds_paint(&f->scene, f->mesh);
 	if (f->method->prepare)
 		f->method->prepare(&f->scene, &job->request);
 	planner_plan(&f->plan, job, &f->scene, f->method, f->mesh);
 	f->scene.frame.features = f->plan.features;
-	f->result.id = job->id;
+	if (painted && f->plan.features & FEATURE_CLOUDS)
+		planner_note(&f->plan, "table-cloud_weather", false, "painted: weather.png of the scene");
 	f->result.bands = f->scene.n_bands;
-	f->result.exposure_scale = 1;
 	f->result.expected_error = f->method->progressive ? NAN : choose_expect(&job->request, 0).error;
 }
 
@@ -103,6 +120,12 @@ static bool choose_sky(struct workspace *ws, struct frame *f, struct error *err)
 	if (f->sky && f->job.kind == WELKIN_JOB_IMAGE && !f->method->progressive)
 		f->plain = programs_get(ws->programs, file, "PLAIN=1", err);
 	return f->plain != NULL;
+}
+
+static bool choose_programs(struct workspace *ws, struct frame *f, struct error *err)
+{
+	return choose_sky(ws, f, err) && scenery_start(ws, f, err) && clouds_choose_programs(ws, f, err) &&
+	       (f->job.kind != WELKIN_JOB_IMAGE || image_start(ws, f, err));
 }
 
 struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, int memfd, struct error *err)
@@ -131,8 +154,7 @@ struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, i
 		return NULL;
 	}
 	prepare(f);
-	if (!choose_sky(ws, f, err) || !scenery_start(ws, f, err) || !clouds_choose_programs(ws, f, err) ||
-		(job->kind == WELKIN_JOB_IMAGE && !image_start(ws, f, err))) {
+	if (job->kind != WELKIN_JOB_NOISE && !choose_programs(ws, f, err)) {
 		frame_destroy(ws, f);
 		return NULL;
 	}
@@ -226,6 +248,14 @@ static void note_tables(struct frame *f, const struct tables_report *report)
 	f->tables_noted = 1;
 }
 
+static enum table_state bind_tables(struct workspace *ws, struct frame *f, struct error *err)
+{
+	enum table_state state = scenery_bind(ws, f, err);
+	for (int batch = 0; batch < f->scene.n_batches && state == TABLE_READY; batch++)
+		state = frame_tables(ws, f, batch, err);
+	return state;
+}
+
 /* Puts the frame's data on the device when another's is there, and sees to the tables of all batches. */
 static enum table_state bind(struct workspace *ws, struct frame *f, struct error *err)
 {
@@ -236,9 +266,10 @@ static enum table_state bind(struct workspace *ws, struct frame *f, struct error
 		ws->bound = f;
 	}
 	tables_begin_slice(ws->tables);
-	enum table_state state = scenery_bind(ws, f, err);
-	for (int batch = 0; batch < f->scene.n_batches && state == TABLE_READY; batch++)
-		state = frame_tables(ws, f, batch, err);
+	const enum table_state state =
+		f->stage == FRAME_NOISE
+			? need_noise(ws->tables, &f->scene, (enum welkin_noise_table)f->job.noise.table, err)
+			: bind_tables(ws, f, err);
 	if (state == TABLE_READY)
 		note_tables(f, tables_report(ws->tables));
 	return state;
@@ -257,6 +288,34 @@ enum table_state frame_tables(struct workspace *ws, const struct frame *frame, i
 					  : need_clouds(ws->tables, &frame->scene, batch, err);
 }
 
+/* The stage of a noise job. */
+static bool noise_step(struct workspace *ws, struct frame *f, struct error *err)
+{
+	const struct welkin_noise_slice *noise = &f->job.noise;
+	const struct welkin_image *image = &f->job.request.image;
+	if (!passes_finish(ws->passes, &f->log, err))
+		return false;
+	const double start_ms = clock_ms();
+	passes_read_layer(ws->passes,
+		tables_texture(ws->tables, clouds_noise_unit((enum welkin_noise_table)noise->table)), noise->layer,
+		image->width, image->height, f->map);
+	f->result.readback_ms += clock_ms() - start_ms;
+	frame_finish(f, WELKIN_DONE, NULL);
+	return true;
+}
+
+static bool step(struct workspace *ws, struct frame *f, double start_ms, struct error *err)
+{
+	switch (f->stage) {
+	case FRAME_NOISE:
+		return noise_step(ws, f, err);
+	case FRAME_DIRECTIONS:
+		return photometer_step(ws, f, start_ms, err);
+	default:
+		return image_step(ws, f, start_ms, err);
+	}
+}
+
 bool frame_slice(struct workspace *ws, struct frame *frame, struct error *err)
 {
 	const double start_ms = clock_ms();
@@ -271,9 +330,7 @@ bool frame_slice(struct workspace *ws, struct frame *frame, struct error *err)
 		break;
 	}
 	do {
-		const bool ok = frame->stage == FRAME_DIRECTIONS ? photometer_step(ws, frame, start_ms, &why)
-								 : image_step(ws, frame, start_ms, &why);
-		if (!ok)
+		if (!step(ws, frame, start_ms, &why))
 			return error_set(err, "%s", why.text);
 	} while (frame->stage != FRAME_DONE && clock_ms() - start_ms < ws->slice_ms * 0.75);
 	return true;
@@ -286,6 +343,8 @@ double frame_left_ms(struct workspace *ws, const struct frame *frame)
 	const struct welkin_job *job = &frame->job;
 	if (frame->stage == FRAME_DIRECTIONS)
 		return cost * ((double)job->n_directions * (frame->scene.n_batches - frame->batch) - frame->direction);
+	if (frame->stage == FRAME_NOISE)
+		return ws->slice_ms; /* a copy, after at most some slices of the table */
 	double pixels = strips_left(&frame->strips);
 	if (frame->stage == FRAME_METER)
 		pixels += (double)job->request.image.width * job->request.image.height;

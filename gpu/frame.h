@@ -15,8 +15,9 @@
  *
  *     image:    METER (exposure.mode auto: a small image of the view) → STRIPS → DONE
  *     radiance: DIRECTIONS (batch by batch, a range of directions at a time) → DONE
+ *     noise:    NOISE → DONE
  */
-enum frame_stage { FRAME_METER, FRAME_STRIPS, FRAME_DIRECTIONS, FRAME_DONE };
+enum frame_stage { FRAME_METER, FRAME_STRIPS, FRAME_DIRECTIONS, FRAME_NOISE, FRAME_DONE };
 
 /* Mean and squared deviations of samples (Welford). */
 struct tally {

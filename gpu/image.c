@@ -197,9 +197,12 @@ static bool meter_step(struct workspace *ws, struct frame *f, double start_ms, s
 	return true;
 }
 
+enum { PLANES = 5 };
+
 /* Where the planes of a strip lie in the output buffer and how many bytes a pixel has in each. */
 struct strip_planes {
-	size_t offset[4], pixel[4], size; /* main, inscatter, transmittance, depth; pixel 0: not there */
+	size_t offset[PLANES], pixel[PLANES],
+		size; /* main, inscatter, transmittance, depth, clouds; pixel 0: not there */
 };
 
 static struct strip_planes lay_out(const struct welkin_image_layout *layout, int format, int pixels)
@@ -207,8 +210,9 @@ static struct strip_planes lay_out(const struct welkin_image_layout *layout, int
 	static const size_t main_pixel[] = { 4, 8, 8, 16 };
 	const size_t none = (size_t)-1;
 	struct strip_planes p = { .pixel = { main_pixel[format], layout->inscatter == none ? 0 : 12,
-					  layout->transmittance == none ? 0 : 12, layout->depth == none ? 0 : 4 } };
-	for (int i = 0; i < 4; i++) {
+					  layout->transmittance == none ? 0 : 12, layout->depth == none ? 0 : 4,
+					  layout->clouds == none ? 0 : 4 * WELKIN_CLOUD_SAMPLES } };
+	for (int i = 0; i < PLANES; i++) {
 		p.offset[i] = p.size;
 		p.size += p.pixel[i] * (size_t)pixels;
 	}
@@ -232,9 +236,10 @@ static void read_back(struct workspace *ws, struct frame *f, const struct welkin
 	const struct strip_planes *planes, const int tile[4])
 {
 	const double start_ms = clock_ms();
-	const size_t at[4] = { layout->main, layout->inscatter, layout->transmittance, layout->depth };
+	const size_t at[PLANES] = { layout->main, layout->inscatter, layout->transmittance, layout->depth,
+		layout->clouds };
 	const unsigned char *strip = ws->output.data;
-	for (int i = 0; i < 4; i++)
+	for (int i = 0; i < PLANES; i++)
 		if (planes->pixel[i])
 			copy_plane(f->map + at[i], f->job.request.image.width, strip + planes->offset[i], tile,
 				planes->pixel[i]);
@@ -247,11 +252,13 @@ static void run_output(
 	struct pass pass = { .name = "output", .program = f->output, .threads = { tile[2], tile[3], 1 } };
 	memcpy(pass.tile, tile, sizeof pass.tile);
 	memcpy(pass.white, f->white, sizeof pass.white);
-	for (int i = 0; i < 3; i++)
+	for (int i = 0; i < PLANES - 1; i++)
 		pass.planes[i] = planes->pixel[i + 1] ? (int)(planes->offset[i + 1] / 4) : -1;
 	pass.storage[BIND_RADIANCE] = ws->radiance.id;
 	pass.storage[BIND_INSCATTER] = f->method->progressive ? ws->sample_layers.id : ws->inscatter.id;
 	pass.storage[BIND_TRANSMITTANCE] = ws->transmittance.id;
+	if (f->clouds)
+		pass.storage[BIND_CLOUD_LAYER] = ws->cloud_layer.id;
 	pass.storage[BIND_OUTPUT] = ws->output.id;
 	pass.storage[BIND_COUNTERS] = ws->counters.id;
 	passes_run(ws->passes, &pass);

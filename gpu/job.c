@@ -1,5 +1,7 @@
 #include "gpu/job.h"
 
+#include "api/api.h"
+
 static size_t main_bytes_per_pixel(const struct welkin_image *image)
 {
 	if (image->format == WELKIN_PNG)
@@ -11,7 +13,7 @@ struct welkin_image_layout welkin_image_layout(const struct welkin_image *image)
 {
 	const size_t none = (size_t)-1, pixels = (size_t)image->width * (size_t)image->height;
 	const uint32_t layers = image->format == WELKIN_EXR ? image->layers : 0;
-	struct welkin_image_layout l = { 0, none, none, none, pixels * main_bytes_per_pixel(image) };
+	struct welkin_image_layout l = { 0, none, none, none, none, pixels * main_bytes_per_pixel(image) };
 	if (layers & WELKIN_LAYER_INSCATTER) {
 		l.inscatter = l.total;
 		l.total += pixels * 12;
@@ -23,6 +25,10 @@ struct welkin_image_layout welkin_image_layout(const struct welkin_image *image)
 	if (layers & WELKIN_LAYER_DEPTH) {
 		l.depth = l.total;
 		l.total += pixels * 4;
+	}
+	if (layers & WELKIN_LAYER_CLOUDS) {
+		l.clouds = l.total;
+		l.total += pixels * WELKIN_CLOUD_SAMPLES * 4;
 	}
 	return l;
 }
@@ -49,6 +55,15 @@ size_t welkin_job_bytes(const struct welkin_job *job)
 		return welkin_radiance_layout(job->n_directions, job->n_wavelengths).total * sizeof(double);
 	}
 	const struct welkin_image *image = &job->request.image;
+	if (job->kind == WELKIN_JOB_NOISE) {
+		if (job->noise.table < 0 || job->noise.table >= WELKIN_NOISE_TABLES)
+			return 0;
+		const int side = welkin_noise_infos[job->noise.table].side,
+			  layers = welkin_noise_infos[job->noise.table].layers;
+		if (job->noise.layer < 0 || job->noise.layer >= layers || image->width != side || image->height != side)
+			return 0;
+		return (size_t)side * (size_t)side * 4;
+	}
 	if (image->width < 1 || image->width > 16384 || image->height < 1 || image->height > 16384)
 		return 0;
 	return welkin_image_layout(image).total;

@@ -13,25 +13,29 @@
 
 enum { WELKIN_MAX_PASSES = 24, WELKIN_MAX_DIRECTIONS = 16384, WELKIN_MAX_WAVELENGTHS = 64 };
 
-enum welkin_job_kind { WELKIN_JOB_IMAGE, WELKIN_JOB_RADIANCE };
+enum welkin_job_kind { WELKIN_JOB_IMAGE, WELKIN_JOB_RADIANCE, WELKIN_JOB_NOISE };
 
 /* How the pixels lie in the memfd: rows from the top, no padding, planes one after the other
  * from offset 0.
  *   plane 0: main RGBA. PNG 8: uint8 ×4 sRGB; PNG 16: uint16 ×4 sRGB (native endian);
  *            EXR half: 4 × binary16; EXR float: 4 × binary32 (linear Rec.709 · exposure scale).
  *   then, EXR only and always binary32, in this order when asked for:
- *            inscatter RGB (same unit as main), transmittance RGB, depth (m, +inf for none).
+ *            inscatter RGB (same unit as main), transmittance RGB, depth (m, +inf for none), clouds (5: RGB of their
+ *            light, same unit; their transmittance; their mean distance in m, +inf for none).
  * A radiance job's memfd holds doubles: directions (world frame unit vectors x y z) × n_directions,
  * wavelengths_nm × n_wavelengths, then the reply: radiance[d][w] (W/m²/sr/nm), std_error[d][w]
  * (NaN: the method has none), transmittance[d][w] (to the top of the atmosphere; 0 behind ground),
- * luminance[d] (cd/m²). */
+ * luminance[d] (cd/m²).
+ * A noise job's memfd holds plane 0 of a PNG of 8 bits alone, as the table of noise is, side by side: not sRGB, alpha
+ * the table's fourth channel. request.image has that size. */
 struct welkin_job {
 	uint64_t id;
 	int32_t kind; /* enum welkin_job_kind */
 	int32_t n_directions, n_wavelengths;
 	int32_t reserved;
-	int64_t deadline_us; /* CLOCK_MONOTONIC; 0: none */
-	char scene_key[33];  /* the mesh of request.scene, which the renderer has been sent before; "": none */
+	struct welkin_noise_slice noise; /* a noise job's */
+	int64_t deadline_us;             /* CLOCK_MONOTONIC; 0: none */
+	char scene_key[33]; /* the mesh of request.scene, which the renderer has been sent before; "": none */
 	struct welkin_request request;
 };
 
@@ -119,8 +123,9 @@ size_t welkin_job_bytes(const struct welkin_job *job);
 
 /* Offsets into an image job's memfd; (size_t)-1 when that plane is not there. */
 struct welkin_image_layout {
-	size_t main, inscatter, transmittance, depth, total;
+	size_t main, inscatter, transmittance, depth, clouds, total;
 };
+enum { WELKIN_CLOUD_SAMPLES = 5 };
 struct welkin_image_layout welkin_image_layout(const struct welkin_image *image);
 
 /* Offsets, in doubles, into a radiance job's memfd. */

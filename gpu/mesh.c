@@ -95,6 +95,7 @@ bool mesh_valid(const void *block, size_t size)
 	if (size < sizeof *h || memcmp(h->magic, "welkmesh", sizeof h->magic) != 0 || h->version != MESH_VERSION ||
 		h->bytes != size || !key_valid(h->key))
 		return false;
-	return sections_valid(h, size) && floats_finite(h->low, 3) && floats_finite(h->high, 3) && vertices_valid(h) &&
-	       indices_valid(h) && parts_valid(h) && materials_valid(h) && textures_valid(h);
+	return sections_valid(h, size) && texture_named(h->weather_texture, h->n_textures) &&
+	       floats_finite(h->low, 3) && floats_finite(h->high, 3) && vertices_valid(h) && indices_valid(h) &&
+	       parts_valid(h) && materials_valid(h) && textures_valid(h);
 }

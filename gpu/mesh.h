@@ -8,15 +8,17 @@
 /* A scene ready for the renderer: one block of memory without pointers, all offsets from its start, as a loader process
  * writes it into a memfd and the renderer maps it read-only. Local frame before placing: x east, y up, z south, metres.
  * Offsets are multiples of 8. */
-enum { MESH_VERSION = 1, MESH_NAME = 64 };
+enum { MESH_VERSION = 2, MESH_NAME = 64 };
 
 struct mesh_header {
 	char magic[8]; /* "welkmesh" */
 	uint32_t version, n_vertices, n_indices, n_parts, n_materials, n_textures;
 	uint64_t bytes;                                         /* of the whole block */
 	uint64_t vertices, indices, parts, materials, textures; /* offsets */
-	float low[3], high[3];                                  /* bounds, m */
-	char key[33]; /* 128-bit content hash, hex; what caches and jobs call it by */
+	float low[3], high[3];                                  /* bounds, m; 0 without triangles */
+	int32_t weather_texture; /* painted weather map of clouds: red coverage, green precipitation, blue type, alpha
+				    height of the bases, rows from the north; -1: none */
+	char key[33];            /* 128-bit content hash, hex; what caches and jobs call it by */
 };
 
 struct mesh_vertex {

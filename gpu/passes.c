@@ -102,6 +102,14 @@ void passes_texture(struct passes *passes, unsigned unit, unsigned texture)
 	glBindTextureUnit(unit, texture);
 }
 
+void passes_read_layer(struct passes *passes, unsigned texture, int layer, int width, int height, void *rgba8)
+{
+	(void)passes;
+	glMemoryBarrier(GL_TEXTURE_UPDATE_BARRIER_BIT);
+	glGetTextureSubImage(
+		texture, 0, 0, 0, layer, width, height, 1, GL_RGBA, GL_UNSIGNED_BYTE, width * height * 4, rgba8);
+}
+
 static void bind_storage(const struct passes *passes, const unsigned storage[PASS_STORAGE])
 {
 	GLuint ids[PASS_STORAGE];

@@ -52,6 +52,9 @@ void passes_blocks(struct passes *passes, const struct scene *scene);
 /* Binds a 2-D or 3-D texture to a unit for the passes that follow. */
 void passes_texture(struct passes *passes, unsigned unit, unsigned texture);
 
+/* Waits for the device and copies one layer of a texture (0 of a 2-D one) to RGBA8, rows from its first texel on. */
+void passes_read_layer(struct passes *passes, unsigned texture, int layer, int width, int height, void *rgba8);
+
 void passes_run(struct passes *passes, const struct pass *pass);
 
 /* Stretches of triangles in an index buffer of uint32. */

@@ -13,7 +13,8 @@ struct scene {
 	struct FrameBlock frame; /* features, exposure_scale and output_format are the planner's */
 	struct MediaBlock media;
 	struct CloudsBlock clouds;
-	int n_bands; /* real wavelengths; the last batch is padded with copies */
+	const struct mesh_header *weather; /* whose weather map the clouds have; NULL: the procedural one */
+	int n_bands;                       /* real wavelengths; the last batch is padded with copies */
 	int n_batches;
 	struct BandsBlock batches[SCENE_MAX_BATCHES];
 	struct FittedBlock fitted[SCENE_MAX_BATCHES]; /* the method's prepare() fills it in */

@@ -262,6 +262,40 @@ enum table_state tables_need(struct frame_tables *tables, const struct table_des
 	return TABLE_READY;
 }
 
+bool tables_need_picture(struct frame_tables *tables, const void *kind, const void *key, size_t key_size, int unit,
+	int width, int height, const void *rgba8, struct error *err)
+{
+	struct table *t = key_size <= KEY_MAX ? find(tables, kind, key, key_size) : NULL;
+	if (!t) {
+		const struct table_desc desc = {
+			.width = width, .height = height, .internal_format = GL_RGBA8, .repeats = 1
+		};
+		t = key_size <= KEY_MAX ? make_room(tables, desc_bytes(&desc)) : NULL;
+		if (!t)
+			return error_set(err, "no slot for one more picture on the device");
+		t->texture = create_texture(&desc);
+		glTextureSubImage2D(t->texture, 0, 0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, rgba8);
+		t->kind = kind;
+		t->bytes = desc_bytes(&desc);
+		t->key_size = key_size;
+		memcpy(t->key, key, key_size);
+	}
+	t->used = ++tables->clock;
+	passes_texture(tables->passes, (unsigned)unit, t->texture);
+	return true;
+}
+
+unsigned tables_texture(const struct frame_tables *tables, int unit)
+{
+	const struct table *last = NULL;
+	for (int i = 0; i < TABLES_MAX; i++) {
+		const struct table *t = &tables->list[i];
+		if (t->desc && t->desc->unit == unit && (!last || t->used > last->used))
+			last = t;
+	}
+	return last ? last->texture : 0;
+}
+
 void *tables_kept(struct frame_tables *tables, const void *kind, const void *key, size_t key_size)
 {
 	struct table *t = find(tables, kind, key, key_size);

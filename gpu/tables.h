@@ -35,6 +35,14 @@ struct table_desc {
 enum table_state tables_need(struct frame_tables *tables, const struct table_desc *desc, const void *key,
 	size_t key_size, int batch, struct error *err);
 
+/* The same with a picture of RGBA8, rows one after the other, in place of a kernel: kind is the address of something
+ * static. It repeats. */
+bool tables_need_picture(struct frame_tables *tables, const void *kind, const void *key, size_t key_size, int unit,
+	int width, int height, const void *rgba8, struct error *err);
+
+/* The texture that the last tables_need() for that unit bound; 0: none was. */
+unsigned tables_texture(const struct frame_tables *tables, int unit);
+
 /* Other things on the device, kept under the same budget and by the same rule: what is told apart by `kind`, the
  * address of something static, and a key of at most 1280 bytes. tables_kept: NULL where there is none; it counts as
  * used by the slice in hand. tables_keep: object becomes the tables', which call destroy(object) when it has to go, and

@@ -48,7 +48,7 @@ struct workspace {
 	int strip_pixels;                                       /* most pixels in a strip */
 	struct buffer rays, radiance, inscatter, transmittance; /* device only */
 	struct buffer output, counters;                         /* mapped */
-	struct buffer cloud_light, cloud_place;                 /* device only */
+	struct buffer cloud_light, cloud_place, cloud_layer;    /* device only */
 	struct buffer cloud_lattice, cloud_list;                /* device only */
 	struct buffer surface;                                  /* device only: records of the strip's pixels */
 	struct raster raster;

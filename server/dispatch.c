@@ -161,7 +161,9 @@ static void finish_render(struct render *r, const struct welkin_result *result, 
 	struct service *s = r->service;
 	queue_remove(&s->queue, &r->item);
 	if (result->status == WELKIN_DONE) {
-		cost_learn(&s->cost, r->job.request.atmosphere.method, dispatch_samples(&r->job), device_ms(result));
+		if (r->job.kind != WELKIN_JOB_NOISE) /* of a table, not of the method */
+			cost_learn(&s->cost, r->job.request.atmosphere.method, dispatch_samples(&r->job),
+				device_ms(result));
 		metrics_observe(STAGE_QUEUE, clock_ms_between(r->item.arrival_us, r->sent_us) / 1e3);
 		metrics_observe(STAGE_RENDER, clock_ms_between(r->sent_us, clock_us()) / 1e3);
 		metrics_add_pixels(dispatch_samples(&r->job));
@@ -376,5 +378,5 @@ void dispatch_on_tick(void *cls)
 	}
 	struct welkin_request request;
 	if (probe && probe_request(&request))
-		service_submit(s, &s->probe, &request, NULL, NULL, NULL);
+		service_submit(s, &s->probe, &request, NULL, NULL, NULL, NULL);
 }

@@ -36,6 +36,10 @@ void domain_check(const struct welkin_request *request, struct welkin_faults *fa
 	if (method->progressive && request->scene.name[0] && clouds_present(&request->clouds))
 		welkin_fault_add(faults, 422, "atmosphere.method", "a scene or clouds, one at a time",
 			"the paths of method %s go through clouds or meet a scene, not yet both", method->name);
+	if (method->progressive && request->image.format == WELKIN_EXR && request->image.layers & WELKIN_LAYER_CLOUDS &&
+		clouds_present(&request->clouds))
+		welkin_fault_add(faults, 422, "image.layers", "depth, transmittance, inscatter",
+			"the paths of method %s don't tell what of the light comes by clouds", method->name);
 	for (const struct method_range *r = method->domain; r && r->field; r++) {
 		double value = 0;
 		if (method_range_holds(r, request, &value))

@@ -15,7 +15,7 @@
  * The file grows in memory.
  */
 
-enum { MAX_CHANNELS = 11, ZIP_LEVEL = 3 };
+enum { MAX_CHANNELS = 11 + WELKIN_CLOUD_SAMPLES, ZIP_LEVEL = 3 };
 
 /* Where a channel's samples lie. */
 struct channel {
@@ -190,6 +190,8 @@ static void list_channels(struct writer *writer)
 	static const char *const main_names[] = { "R", "G", "B", "A" };
 	static const char *const inscatter_names[] = { "inscatter.R", "inscatter.G", "inscatter.B" };
 	static const char *const transmittance_names[] = { "transmittance.R", "transmittance.G", "transmittance.B" };
+	static const char *const cloud_names[WELKIN_CLOUD_SAMPLES] = { "clouds.R", "clouds.G", "clouds.B", "clouds.T",
+		"clouds.Z" };
 	const struct welkin_image *image = &writer->info->request->image;
 	const struct welkin_image_layout layout = welkin_image_layout(image);
 	const size_t none = (size_t)-1, sample = image->exr_type == WELKIN_HALF ? 2 : 4;
@@ -201,6 +203,8 @@ static void list_channels(struct writer *writer)
 		add_channel(writer, transmittance_names[i], writer->pixels + layout.transmittance + i * 4, 4, 3);
 	if (layout.depth != none)
 		add_channel(writer, "Z", writer->pixels + layout.depth, 4, 1);
+	for (size_t i = 0; i < WELKIN_CLOUD_SAMPLES && layout.clouds != none; i++)
+		add_channel(writer, cloud_names[i], writer->pixels + layout.clouds + i * 4, 4, WELKIN_CLOUD_SAMPLES);
 }
 
 static exr_result_t set_string(struct writer *writer, const char *name, const char *text)

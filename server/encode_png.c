@@ -1,8 +1,10 @@
+#include "api/api.h"
 #include "server/encode.h"
 
 #include <libdeflate.h>
 #include <png.h>
 #include <setjmp.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -20,9 +22,10 @@ enum { LEVEL = 1, FILTER_SUB = 1 };
 enum { IDAT_BYTES = 1 << 20 };
 
 struct image {
-	const unsigned char *pixels;       /* RGBA, 8 bit or native 16 bit */
-	int width, height, bits, channels; /* four channels for a cube cross, where alpha marks its six cells */
-	size_t row_bytes;                  /* of a PNG row without its filter byte */
+	const unsigned char *pixels; /* RGBA, 8 bit or native 16 bit */
+	int width, height, bits, channels;
+	bool cross;       /* four channels, where alpha marks the six cells of a cube cross */
+	size_t row_bytes; /* of a PNG row without its filter byte */
 };
 
 /* ---- rows ---- */
@@ -46,7 +49,7 @@ static void pack_row(const struct image *image, int y, unsigned char *restrict o
 			out[1] = in[1];
 			out[2] = in[2];
 			if (n == 4)
-				out[3] = in_cross(image, x, y) ? 0xff : 0;
+				out[3] = !image->cross ? in[3] : in_cross(image, x, y) ? 0xff : 0;
 		}
 		return;
 	}
@@ -158,15 +161,27 @@ static void add_text(png_structp png, png_infop chunks, const char *key, const c
 	png_set_text(png, chunks, &entry, 1);
 }
 
+static void add_description(png_structp png, png_infop chunks, const struct welkin_noise_slice *noise)
+{
+	char text[256] = "Sky rendered by Welkin; welkin:request holds its parameters";
+	if (noise) {
+		const struct welkin_noise_info *table = &welkin_noise_infos[noise->table];
+		snprintf(text, sizeof text, "Noise of clouds by Welkin, %s, layer %d: %s", table->name, noise->layer,
+			table->channels);
+	}
+	add_text(png, chunks, "Description", text);
+}
+
 static void write_head(
 	png_structp png, png_infop chunks, const struct image *image, const struct welkin_file_info *info)
 {
 	png_set_IHDR(png, chunks, (png_uint_32)image->width, (png_uint_32)image->height, image->bits,
 		image->channels == 4 ? PNG_COLOR_TYPE_RGB_ALPHA : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
 		PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-	png_set_sRGB_gAMA_and_cHRM(png, chunks, PNG_sRGB_INTENT_PERCEPTUAL);
+	if (!info->noise)
+		png_set_sRGB_gAMA_and_cHRM(png, chunks, PNG_sRGB_INTENT_PERCEPTUAL);
 	add_text(png, chunks, "Software", "Welkin " WELKIN_VERSION);
-	add_text(png, chunks, "Description", "Sky rendered by Welkin; welkin:request holds its parameters");
+	add_description(png, chunks, info->noise);
 	add_text(png, chunks, "welkin:request", info->request_json);
 	add_text(png, chunks, "welkin:method", info->method);
 	add_text(png, chunks, "welkin:device", info->device);
@@ -210,12 +225,14 @@ bool welkin_encode_png(
 	const struct welkin_file_info *info, const void *pixels, struct welkin_bytes *out, struct error *err)
 {
 	const struct welkin_image *asked = &info->request->image;
+	const bool cross = !info->noise && asked->projection == WELKIN_CUBEMAP;
 	struct image image = {
 		.pixels = pixels,
 		.width = asked->width,
 		.height = asked->height,
 		.bits = asked->png_bits,
-		.channels = asked->projection == WELKIN_CUBEMAP ? 4 : 3,
+		.channels = cross || (info->noise && welkin_noise_infos[info->noise->table].alpha) ? 4 : 3,
+		.cross = cross,
 	};
 	image.row_bytes = (size_t)image.width * (size_t)image.channels * (size_t)image.bits / 8;
 	*out = (struct welkin_bytes){ 0 };

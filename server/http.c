@@ -323,7 +323,7 @@ enum MHD_Result call_submit(struct call *call, const struct welkin_photometer *p
 	MHD_suspend_connection(call->mhd);
 	connection_watch(call->http->connections, call->connection, call_left, call);
 	service_submit(call->http->service, &call->ticket, &call->request, call->keyed ? call->key : NULL, photometer,
-		call->scene.mesh);
+		call->noise, call->scene.mesh);
 	return MHD_YES;
 }
 

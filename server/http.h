@@ -52,6 +52,8 @@ struct call {
 	/* Renders */
 	struct ticket ticket;
 	struct welkin_request request;
+	const struct welkin_noise_slice *noise; /* NULL: not noise; otherwise the next */
+	struct welkin_noise_slice slice;
 	struct sequence *sequence; /* NULL: one image */
 	bool waiting, multipart, keyed;
 	char key[33];
@@ -89,8 +91,8 @@ void call_pause(struct call *call);
 void call_unpause(struct call *call);
 /* Says: this request, by this build, on this device; so equal keys are equal bytes. False: a file with its timings
  * inside is new every time, so not cached and not shared. */
-bool render_key(
-	struct service *service, const struct welkin_request *request, const struct scene_mesh *mesh, char key[33]);
+bool render_key(struct service *service, const struct welkin_request *request, const struct scene_mesh *mesh,
+	const struct welkin_noise_slice *noise, char key[33]);
 
 const char *call_header(const struct call *call, const char *name);
 

@@ -339,8 +339,8 @@ bool mesh_build_mend(struct mesh_build *b, struct error *err)
 static void add_bounds(const struct mesh_build *b, struct mesh_header *h)
 {
 	for (int k = 0; k < 3; k++) {
-		h->low[k] = INFINITY;
-		h->high[k] = -INFINITY;
+		h->low[k] = b->n_indices ? INFINITY : 0;
+		h->high[k] = b->n_indices ? -INFINITY : 0;
 	}
 	for (size_t i = 0; i < b->n_indices; i++)
 		for (int k = 0; k < 3; k++) {
@@ -364,7 +364,8 @@ static struct mesh_header make_header(const struct mesh_build *b, const char key
 		.n_indices = (uint32_t)b->n_indices,
 		.n_parts = (uint32_t)b->n_parts,
 		.n_materials = (uint32_t)b->n_materials,
-		.n_textures = (uint32_t)b->n_textures };
+		.n_textures = (uint32_t)b->n_textures,
+		.weather_texture = b->weather - 1 };
 	memcpy(h.magic, "welkmesh", sizeof h.magic);
 	memcpy(h.key, key, sizeof h.key);
 	uint64_t end = (sizeof h + 7) & ~(uint64_t)7;
@@ -397,7 +398,7 @@ static void fill_block(const struct mesh_build *b, const struct mesh_header *h, 
 
 bool mesh_build_write(const struct mesh_build *b, int fd, const char key[33], struct error *err)
 {
-	if (!b->n_indices)
+	if (!b->n_indices && !b->weather)
 		return error_set(err, "it holds no triangle with an area");
 	const struct mesh_header h = make_header(b, key);
 	if (h.bytes > b->limits.max_bytes)

@@ -7,8 +7,8 @@
 #include <unistd.h>
 
 static const char *const resource_names[RESOURCE_COUNT] = { "/v1/render.png", "/v1/render.exr", "/v1/render",
-	"/v1/sequences", "/v1/radiance", "/v1/methods", "/v1/presets", "/v1/scenes", "/version", "/openapi.json", "/",
-	"other" };
+	"/v1/sequences", "/v1/radiance", "/v1/noise", "/v1/methods", "/v1/presets", "/v1/scenes", "/version",
+	"/openapi.json", "/", "other" };
 static const char *const stage_names[STAGE_COUNT] = { "queue", "render", "encode", "request" };
 static const char *const stage_help[STAGE_COUNT] = { "Time a render waited for the renderer.",
 	"Time from handing a render out to its result.", "Time to encode a reply.",

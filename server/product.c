@@ -85,6 +85,7 @@ void product_add_metadata(const struct product *p, bool timings, struct text *te
 static bool encode_image(struct product *p, const void *pixels, int threads, struct error *err)
 {
 	const struct welkin_image *image = &p->job.request.image;
+	const bool noise = p->job.kind == WELKIN_JOB_NOISE;
 	char *request = welkin_request_json(&p->job.request), *timing = NULL;
 	if (image->embed_timing) {
 		struct text text = { 0 };
@@ -95,7 +96,8 @@ static bool encode_image(struct product *p, const void *pixels, int threads, str
 	}
 	const struct welkin_file_info info = { .request = &p->job.request,
 		.request_json = request,
-		.method = welkin_method_names[p->job.request.atmosphere.method],
+		.method = noise ? NULL : welkin_method_names[p->job.request.atmosphere.method],
+		.noise = noise ? &p->job.noise : NULL,
 		.device = p->device,
 		.build = build_name,
 		.timing_json = timing,

@@ -188,7 +188,8 @@ static void image_headers(const struct call *call, struct MHD_Response *response
 		header(response, "Cache-Control", "no-store");
 	if (call->verb == VERB_POST)
 		header(response, "Vary", "Accept");
-	header(response, "Welkin-Method", "%s", welkin_method_names[call->request.atmosphere.method]);
+	if (!call->noise)
+		header(response, "Welkin-Method", "%s", welkin_method_names[call->request.atmosphere.method]);
 	header(response, "Welkin-Device", "%s", device.name);
 }
 

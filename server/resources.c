@@ -110,8 +110,8 @@ static bool resolve(struct call *call, const struct welkin_draft *draft, enum we
 	return false;
 }
 
-bool render_key(
-	struct service *service, const struct welkin_request *request, const struct scene_mesh *mesh, char key[33])
+bool render_key(struct service *service, const struct welkin_request *request, const struct scene_mesh *mesh,
+	const struct welkin_noise_slice *noise, char key[33])
 {
 	char salt[384];
 	const struct welkin_device device = service_device(service);
@@ -119,15 +119,18 @@ bool render_key(
 		return false;
 	/* The file of an operator's method is as much a part of the build as a shader of ours. */
 	const int entry = operator_methods_find(request->atmosphere.method);
-	snprintf(salt, sizeof salt, "%s|%s|%s|%s", build_name, device.name,
-		entry >= 0 ? operator_methods_at(entry)->digest : "", mesh ? scene_mesh_key(mesh) : "");
+	char slice[32] = "";
+	if (noise)
+		snprintf(slice, sizeof slice, "|noise %d %d", noise->table, noise->layer);
+	snprintf(salt, sizeof salt, "%s|%s|%s|%s%s", build_name, device.name,
+		entry >= 0 ? operator_methods_at(entry)->digest : "", mesh ? scene_mesh_key(mesh) : "", slice);
 	welkin_request_key(request, salt, key);
 	return true;
 }
 
 static enum MHD_Result render(struct call *call)
 {
-	call->keyed = render_key(call->http->service, &call->request, call->scene.mesh, call->key);
+	call->keyed = render_key(call->http->service, &call->request, call->scene.mesh, call->noise, call->key);
 	if (call->keyed && call->verb != VERB_POST && etag_matches(call_header(call, "If-None-Match"), call->key))
 		return reply_not_modified(call);
 	struct product *cached = call->keyed ? service_lookup(call->http->service, call->key) : NULL;
@@ -200,6 +203,25 @@ static enum MHD_Result answer_sequences(struct call *call)
 		return sequence_begin(call, frames, format, &limits);
 	welkin_sequence_free(frames);
 	return reply_faults(call, &faults);
+}
+
+/* ---- noise ---- */
+
+static enum MHD_Result answer_noise(struct call *call)
+{
+	struct welkin_draft draft = { 0 };
+	struct welkin_faults faults = { 0 };
+	enum MHD_Result result;
+	call->slice = (struct welkin_noise_slice){ .table = call->resource->argument };
+	call->noise = &call->slice;
+	welkin_parse_noise(&draft, &call->slice, call->query, strlen(call->query), &faults);
+	/* No sky is rendered: the pixel budget does not apply to an image's default size. */
+	if (!resolve(call, &draft, WELKIN_PNG, INFINITY, 0, &faults, &result))
+		return result;
+	struct welkin_image *image = &call->request.image;
+	image->width = image->height = welkin_noise_infos[call->slice.table].side;
+	image->png_bits = 8;
+	return render(call);
 }
 
 /* ---- numbers ---- */
@@ -284,6 +306,10 @@ const struct resource resources[] = {
 	{ "/v1/render", POST, RESOURCE_RENDER_POST, answer_render_post, 0 },
 	{ "/v1/sequences", POST, RESOURCE_SEQUENCES, answer_sequences, 0 },
 	{ "/v1/radiance", POST, RESOURCE_RADIANCE, answer_radiance, 0 },
+	{ "/v1/noise/base.png", READ, RESOURCE_NOISE, answer_noise, WELKIN_NOISE_BASE },
+	{ "/v1/noise/detail.png", READ, RESOURCE_NOISE, answer_noise, WELKIN_NOISE_DETAIL },
+	{ "/v1/noise/curl.png", READ, RESOURCE_NOISE, answer_noise, WELKIN_NOISE_CURL },
+	{ "/v1/noise/weather.png", READ, RESOURCE_NOISE, answer_noise, WELKIN_NOISE_WEATHER },
 	{ "/v1/methods", READ, RESOURCE_METHODS, answer_document, DOCUMENT_METHODS },
 	{ "/v1/presets", READ, RESOURCE_PRESETS, answer_document, DOCUMENT_PRESETS },
 	{ "/v1/scenes", READ | VERB_POST, RESOURCE_SCENES, answer_scenes, 0, archives },

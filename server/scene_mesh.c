@@ -103,6 +103,14 @@ static bool same_height(double a, double b)
 	return fabs(a - b) <= 1e-3 + 1e-6 * fmin(fabs(a), fabs(b));
 }
 
+static void check_weather_map(
+	const struct scene_mesh *mesh, const struct welkin_request *r, struct welkin_faults *faults)
+{
+	if (r->clouds.weather_map == WELKIN_WEATHER_SCENE && mesh->header->weather_texture < 0)
+		welkin_fault_add(faults, 422, "clouds.weather.map", "procedural, or a scene with a weather.png",
+			"the scene %s has no weather.png", r->scene.name);
+}
+
 void scenes_resolve(const struct scene_mesh *mesh, const struct welkin_draft *draft, struct welkin_request *r,
 	struct welkin_faults *faults)
 {
@@ -110,6 +118,7 @@ void scenes_resolve(const struct scene_mesh *mesh, const struct welkin_draft *dr
 	const double radius = r->atmosphere.planet_radius_m;
 	struct welkin_camera *camera = &r->camera;
 	double ground = 0, flat[3], height_there;
+	check_weather_map(mesh, r, faults);
 	bending_flatten(r, camera->position_m, flat);
 	if (heights_at(mesh->heights, flat, &height_there))
 		ground = height_there * r->scene.scale + r->scene.altitude_m;

@@ -34,6 +34,22 @@ static const struct scene_file *find_model(
 	return file;
 }
 
+/* A painted map of clouds, which may be all that a folder holds. */
+static bool read_weather(const struct scene_files *files, struct mesh_build *build, struct error *err)
+{
+	if (!scene_files_find(files, "weather.png"))
+		return true;
+	build->weather = 1 + scene_png_texture(files, "weather.png", TEXTURE_NUMBERS, 1, build, err);
+	return build->weather > 0;
+}
+
+static bool any_model(const struct scene_files *files)
+{
+	int n;
+	only_file(files, ".obj", &n);
+	return n > 0;
+}
+
 static bool parse(
 	const struct scene_files *files, struct mesh_build *build, struct scene_about *about, struct error *err)
 {
@@ -42,6 +58,10 @@ static bool parse(
 	const struct scene_file *json = scene_files_find(files, "scene.json");
 	if (json && !scene_json_read(json, &d, about, err))
 		return false;
+	if (!read_weather(files, build, err))
+		return false;
+	if (build->weather && !d.heightmap[0] && !d.model[0] && !any_model(files))
+		return true;
 	if (d.heightmap[0])
 		return scene_heightmap_read(files, &d, build, err);
 	const struct scene_file *model = find_model(files, &d, err);

@@ -46,7 +46,7 @@ bool scene_obj_read(const struct scene_files *files, const struct scene_file *mo
 bool scene_heightmap_read(const struct scene_files *files, const struct scene_description *description,
 	struct mesh_build *build, struct error *err);
 
-enum texture_use { TEXTURE_COLOUR, TEXTURE_NORMALS, TEXTURE_BUMPS };
+enum texture_use { TEXTURE_COLOUR, TEXTURE_NORMALS, TEXTURE_BUMPS, TEXTURE_NUMBERS };
 /* The index in the build of that PNG, which a model refers to; -1 with the reason. Of bumps, grey heights become
  * normals; what has colours counts as normals. */
 int scene_png_texture(const struct scene_files *files, const char *name, enum texture_use use, double bump_scale,

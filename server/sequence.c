@@ -156,14 +156,14 @@ static void ask_frame(struct sequence *s)
 	}
 	/* What others left in the cache is as good; but a film does not push their images out of it. */
 	struct product *cached =
-		render_key(s->http->service, &request, NULL, key) ? service_lookup(s->http->service, key) : NULL;
+		render_key(s->http->service, &request, NULL, NULL, key) ? service_lookup(s->http->service, key) : NULL;
 	if (cached) {
 		slot->ticket.product = cached;
 		slot->ticket.joined = true;
 		slot->ticket.outcome = OUTCOME_DONE;
 		slot->ticket.done(&slot->ticket);
 	} else {
-		service_submit(s->http->service, &slot->ticket, &request, NULL, NULL, NULL);
+		service_submit(s->http->service, &slot->ticket, &request, NULL, NULL, NULL, NULL);
 	}
 }
 

@@ -28,13 +28,15 @@ struct product *service_lookup(struct service *s, const char *key)
 }
 
 static struct render *create_render(struct service *s, const struct welkin_request *request, const char *key,
-	const struct welkin_photometer *photometer, struct scene_mesh *scene)
+	const struct welkin_photometer *photometer, const struct welkin_noise_slice *noise, struct scene_mesh *scene)
 {
 	struct render *r = calloc(1, sizeof *r);
 	if (!r)
 		return NULL;
 	r->service = s;
-	r->job.kind = photometer ? WELKIN_JOB_RADIANCE : WELKIN_JOB_IMAGE;
+	r->job.kind = photometer ? WELKIN_JOB_RADIANCE : noise ? WELKIN_JOB_NOISE : WELKIN_JOB_IMAGE;
+	if (noise)
+		r->job.noise = *noise;
 	r->job.request = *request;
 	r->job.deadline_us = clock_us() + (int64_t)(s->options->deadline_s * 1e6);
 	if (key)
@@ -85,7 +87,7 @@ static void enqueue(struct service *s, struct ticket *ticket, struct render *r, 
 }
 
 void service_submit(struct service *s, struct ticket *ticket, const struct welkin_request *request, const char *key,
-	const struct welkin_photometer *photometer, struct scene_mesh *scene)
+	const struct welkin_photometer *photometer, const struct welkin_noise_slice *noise, struct scene_mesh *scene)
 {
 	struct settled settled = { 0 };
 	struct render *leader;
@@ -108,7 +110,7 @@ void service_submit(struct service *s, struct ticket *ticket, const struct welki
 		ticket->joined = true;
 		attach(leader, ticket);
 	} else {
-		struct render *r = create_render(s, request, key, photometer, scene);
+		struct render *r = create_render(s, request, key, photometer, noise, scene);
 		s->misses += key != NULL;
 		if (r) {
 			enqueue(s, ticket, r, &settled);

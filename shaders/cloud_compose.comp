@@ -14,6 +14,9 @@ layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BATCH) uniform int batch;
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
+#ifdef CLOUD_LAYER
+layout(std430, binding = BIND_CLOUD_LAYER) buffer CloudLayer { vec4 cloud_layer[]; };
+#endif
 layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer Place { vec4 place[]; };
@@ -61,6 +64,17 @@ vec4 cloud_radiance(vec3 d, vec4 answer, float t)
 	return sunlight * answer.y + (down * answer.z + back * answer.w) / PI;
 }
 
+/* A layer of their own of an image: without what their shadows take, which would make it negative. Where nothing is in
+ * shadow, it and what is behind times T add up to the image. */
+void add_to_layer(int i, vec3 rgb, float T, float away)
+{
+#ifdef CLOUD_LAYER
+	vec3 sum = batch == 0 ? vec3(0.0) : cloud_layer[2 * i].rgb;
+	cloud_layer[2 * i] = vec4(sum + rgb, T);
+	cloud_layer[2 * i + 1] = vec4(T < 0.9999 ? away : uintBitsToFloat(0x7f800000u), 0.0, 0.0, 0.0);
+#endif
+}
+
 void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
@@ -68,20 +82,23 @@ void main()
 		return;
 	bool spectral = (frame.features & FEATURE_SPECTRAL) != 0;
 	vec4 at = direction[spectral ? tile.x + i : i], answer = light[i];
-	if (at.w < 0.0)
+	if (at.w < 0.0) {
+		add_to_layer(i, vec3(0.0), 1.0, 0.0);
 		return;
+	}
 	/* the air in front, by the two distances that share mean and variance with the clouds' opacity */
 	vec4 where = place[i], near_L, near_T, far_L, far_T;
 	aerial_perspective(at.xyz, max(where.x - where.y, 0.0), near_L, near_T);
 	aerial_perspective(at.xyz, where.x + where.y, far_L, far_T);
-	vec4 L = 0.5 * (near_T + far_T) * bands.sun_irradiance * cloud_radiance(at.xyz, answer, where.z) +
-		 (1.0 - answer.x) * 0.5 * (near_L + far_L) +
-		 shaded(at.xyz, surface_distance(i), answer.x, 0.5);
+	vec4 own = 0.5 * (near_T + far_T) * bands.sun_irradiance * cloud_radiance(at.xyz, answer, where.z) +
+		 (1.0 - answer.x) * 0.5 * (near_L + far_L);
+	vec4 L = own + shaded(at.xyz, surface_distance(i), answer.x, 0.5);
 	if (spectral) {
 		radiance[i] = radiance[i] * answer.x + L;
 		transmittance[i] *= answer.x;
 		return;
 	}
+	add_to_layer(i, to_rgb(own), answer.x, where.x);
 	float through = batch == 0 ? answer.x : 1.0;
 	radiance[i] = radiance[i] * through + vec4(to_rgb(L), 0.0);
 	if ((frame.features & (FEATURE_SUN_DISK | FEATURE_LAYERS)) != 0)

@@ -21,10 +21,10 @@ vec3 noise_unit(ivec3 cell, uint seed)
 	return vec3(noise_hash(cell, seed) >> 8u) * (1.0 / 16777216.0);
 }
 
-/* The cell modulo the frequency, for cells from -frequency on: GLSL leaves the remainder of a negative number undefined. */
+/* The cell modulo the frequency; of negative numbers, of which there are a few beside the cube, % is undefined. */
 ivec3 noise_wrap(ivec3 cell, int frequency)
 {
-	return (cell + frequency) % frequency;
+	return (cell + 4 * frequency) % frequency;
 }
 
 /* One of the twelve gradients of Perlin 2002, dotted with d. */

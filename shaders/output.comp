@@ -19,6 +19,7 @@ layout(location = LOCATION_WHITE) uniform vec4 white;
 layout(std430, binding = BIND_RADIANCE) readonly buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_INSCATTER) readonly buffer Inscatter { vec4 inscatter[]; };
 layout(std430, binding = BIND_TRANSMITTANCE) readonly buffer Transmittance { vec4 transmittance[]; };
+layout(std430, binding = BIND_CLOUD_LAYER) readonly buffer CloudLayer { vec4 cloud_layer[]; };
 layout(std430, binding = BIND_OUTPUT) writeonly buffer Output { uint result[]; };
 layout(std430, binding = BIND_COUNTERS) buffer Counters { uint nonfinite; };
 
@@ -86,6 +87,13 @@ void write_plane(int offset, int i, vec3 value)
 		result[offset + 3 * i + k] = floatBitsToUint(value[k]);
 }
 
+void write_clouds(int at, vec4 added, uint distance_bits)
+{
+	for (int k = 0; k < 4; k++)
+		result[at + k] = floatBitsToUint(added[k]);
+	result[at + 4] = distance_bits;
+}
+
 void main()
 {
 	ivec2 at = ivec2(gl_GlobalInvocationID.xy);
@@ -112,6 +120,18 @@ void main()
 		bool bad = broken(through);
 		mended = mended || bad;
 		write_plane(planes.y, i, bad ? vec3(0.0) : clamp(through.rgb / max(white.rgb, 1e-30), 0.0, 1.0));
+	}
+	if (LAYERS != 0 && planes.w >= 0) {
+		vec4 added = vec4(0.0, 0.0, 0.0, 1.0);
+		float distance_ = uintBitsToFloat(0x7f800000u);
+		if ((frame.features & FEATURE_CLOUDS) != 0) {
+			added = cloud_layer[2 * i];
+			distance_ = cloud_layer[2 * i + 1].x;
+		}
+		bool bad = broken(added) || isnan(distance_);
+		mended = mended || bad;
+		write_clouds(planes.w + 5 * i, bad ? vec4(0.0, 0.0, 0.0, 1.0) : vec4(into_gamut(added.rgb) * frame.exposure_scale, added.a),
+			bad ? 0x7f800000u : floatBitsToUint(distance_));
 	}
 	if (mended)
 		atomicAdd(nonfinite, 1u);

@@ -45,6 +45,7 @@ typedef unsigned int uint;
 #define PATH_UVEC4S 7
 #define PATH_DISPATCHES 32   /* so many at most, counted by LOCATION_ITERATION */
 #define BIND_SURFACES 9      /* uvec4 per pixel: what of the scene it shows, shaders/surface_record.glsl */
+#define BIND_CLOUD_LAYER 10   /* two vec4 per pixel: light that clouds add, linear Rec.709 cd/m², and their transmittance; x of the other: their mean distance in m */
 #define BIND_BVH 10           /* nodes, gpu/bvh.h */
 #define BIND_TRIANGLES 11     /* in the order of the nodes' leaves */
 #define BIND_VERTICES 12     /* of the placed mesh, VERTEX_FLOATS each */
@@ -135,7 +136,7 @@ typedef unsigned int uint;
 /* Plain uniforms */
 #define LOCATION_TILE 0  /* ivec4: x, y, width, height of the strip in the image; a radiance job: first direction, 0, count, 1 */
 #define LOCATION_BATCH 1 /* int: index of the spectral batch; 0 clears the accumulators */
-#define LOCATION_PLANES 2 /* ivec4: where in BIND_OUTPUT, in uints, inscatter, transmittance and depth start; -1: not wanted */
+#define LOCATION_PLANES 2 /* ivec4: where in BIND_OUTPUT, in uints, inscatter, transmittance, depth and clouds start; -1: not wanted */
 #define LOCATION_WHITE 3 /* vec4: linear Rec.709 of the sun's irradiance over all batches, and its luminance: what a transmittance of 1 adds up to */
 #define LOCATION_SAMPLES 6 /* ivec4, progressive methods: first group of paths, groups per ray in this dispatch, paths per group, highest order */
 #define LOCATION_ITERATION 5 /* int: how often a table's kernel has run before */
@@ -282,6 +283,7 @@ WELKIN_BLOCK(CloudsBlock, BIND_CLOUDS)
 	int worley_metric, worley_inverted, detail_frequency;
 	uint cloud_seed;
 	float persistence, base_gamma, detail_gamma, reserved;
+	uint painted_a, painted_b, painted_c, painted_d; /* which painted weather map it is, for the keys of tables; 0: procedural */
 WELKIN_BLOCK_END(clouds)
 
 /* One batch of four wavelengths. */

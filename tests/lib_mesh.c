@@ -25,6 +25,7 @@ struct mesh_header *lib_mesh_square(float height, const char *key)
 		return NULL;
 	s->header = (struct mesh_header){ .magic = "welkmesh",
 		.version = MESH_VERSION,
+		.weather_texture = -1,
 		.n_vertices = 4,
 		.n_indices = 6,
 		.n_parts = 2,

@@ -139,7 +139,7 @@ static void mend_position(uint64_t *state, struct welkin_draft *draft)
 			*given(draft, "camera.position_m") = 0;
 }
 
-/* A layer that has a thickness, in air that reaches above it. */
+/* A layer that has a thickness, in air that reaches above it; a painted map only with a scene. */
 static void mend_clouds(uint64_t *state, struct welkin_draft *draft)
 {
 	struct welkin_clouds *clouds = &draft->request.clouds;
@@ -149,6 +149,8 @@ static void mend_clouds(uint64_t *state, struct welkin_draft *draft)
 	clouds->high_altitude_m = random_in(state, 5e3, 14e3);
 	if (draft->request.atmosphere.top_m < 15e3)
 		*given(draft, "atmosphere.top_m") = 0;
+	if (!*given(draft, "scene.name") || !draft->request.scene.name[0])
+		clouds->weather_map = WELKIN_WEATHER_PROCEDURAL;
 }
 
 void random_request(uint64_t *state, struct welkin_draft *draft)

@@ -145,11 +145,16 @@ static void round_trip(int width, int height, int type, int compression, uint32_
 	}
 	if (layers & WELKIN_LAYER_DEPTH)
 		assert_channel(exr, &request.image, "Z", pixels + layout.depth, 4, 1);
+	for (int i = 0; i < WELKIN_CLOUD_SAMPLES && layers & WELKIN_LAYER_CLOUDS; i++) {
+		static const char *const clouds[] = { "clouds.R", "clouds.G", "clouds.B", "clouds.T", "clouds.Z" };
+		assert_channel(exr, &request.image, clouds[i], pixels + layout.clouds + i * 4, 4, WELKIN_CLOUD_SAMPLES);
+	}
 	const exr_attr_chlist_t *channels;
 	assert_int_equal(exr_get_channels(exr, 0, &channels), EXR_ERR_SUCCESS);
 	assert_int_equal(channels->num_channels, 4 + (layers & WELKIN_LAYER_INSCATTER ? 3 : 0) +
 							 (layers & WELKIN_LAYER_TRANSMITTANCE ? 3 : 0) +
-							 (layers & WELKIN_LAYER_DEPTH ? 1 : 0));
+							 (layers & WELKIN_LAYER_DEPTH ? 1 : 0) +
+							 (layers & WELKIN_LAYER_CLOUDS ? WELKIN_CLOUD_SAMPLES : 0));
 	exr_finish(&exr);
 	free(bytes.data);
 	free(pixels);

@@ -64,7 +64,8 @@ static void test_head(void **state)
 static void test_all_resources_are_there(void **state)
 {
 	(void)state;
-	static const char *const read[] = { "/v1/render.png", "/v1/render.exr", "/v1/methods", "/v1/presets",
+	static const char *const read[] = { "/v1/render.png", "/v1/render.exr", "/v1/noise/base.png",
+		"/v1/noise/detail.png", "/v1/noise/curl.png", "/v1/noise/weather.png", "/v1/methods", "/v1/presets",
 		"/v1/scenes", "/version", "/openapi.json", "/" };
 	static const char *const post[] = { "/v1/render", "/v1/sequences", "/v1/radiance" };
 	for (size_t i = 0; i < sizeof read / sizeof read[0]; i++) {
@@ -76,7 +77,7 @@ static void test_all_resources_are_there(void **state)
 		at(document, "paths", post[i], "post", "requestBody", "content", "application/json", "schema", NULL);
 		at(document, "paths", post[i], "options", NULL);
 	}
-	assert_int_equal(cJSON_GetArraySize(at(document, "paths", NULL)), 11);
+	assert_int_equal(cJSON_GetArraySize(at(document, "paths", NULL)), 15);
 	const cJSON *content = at(document, "paths", "/v1/render", "post", "responses", "200", "content", NULL);
 	at(content, "image/png", NULL);
 	at(content, "image/x-exr", NULL);

@@ -379,8 +379,15 @@ static void bad_jobs(void **state)
 	expect_refusal(&good, small, "without memory");
 	expect_refusal(&good, zero, "without memory");
 	struct welkin_job job = good;
-	job.kind = 2;
+	job.kind = WELKIN_JOB_NOISE + 1;
 	expect_refusal(&job, fit, "kind");
+	job.kind = WELKIN_JOB_NOISE; /* of a table that has not the image's size */
+	expect_refusal(&job, fit, "sizes");
+	job.noise.table = WELKIN_NOISE_TABLES;
+	expect_refusal(&job, fit, "sizes");
+	job.noise = (struct welkin_noise_slice){ WELKIN_NOISE_BASE, WELKIN_NOISE_BASE_SIDE };
+	expect_refusal(&job, fit, "sizes");
+	job.noise = (struct welkin_noise_slice){ 0 };
 	job = good;
 	job.request.atmosphere.method = 99;
 	expect_refusal(&job, fit, "method");
