@@ -155,7 +155,8 @@ struct welkin_clouds {
 	int32_t base_perlin_frequency, base_perlin_octaves, base_worley_frequency, base_shape, base_metric,
 		base_inverted;
 	double detail_scale_m, detail_gamma, detail_strength;
-	int32_t detail_frequency, reserved;
+	int32_t detail_frequency;
+	int32_t reprojection; /* 0 or 1; of sequences' frames only */
 	double curl_scale_m, curl_strength_m;
 	double high_coverage, high_optical_depth, high_altitude_m, high_scale_m;
 	int32_t high_type, steps, light_steps;
