@@ -147,8 +147,8 @@ static __attribute__((format(printf, 2, 3))) bool cut(char why[92], const char *
 static bool is_cut(const struct look *from, const struct look *to, char why[92])
 {
 	const struct FrameBlock *a = &from->frame, *b = &to->frame;
-	const double turn = fmax(
-		angle_deg(a->camera_forward, b->camera_forward), angle_deg(a->camera_right, b->camera_right));
+	const double turn =
+		fmax(angle_deg(a->camera_forward, b->camera_forward), angle_deg(a->camera_right, b->camera_right));
 	const double sun = angle_deg(a->sun_direction, b->sun_direction);
 	double moved[3];
 	way(from, to, moved);

@@ -12,8 +12,9 @@
 struct cloud_history;
 struct cloud_histories;
 
-/* Before its first slice, for a frame with frame->cloud_reprojection, when all frames before it are done: decides between frame->reprojects and a march of
- * everything, makes room for what is kept (frame->history; NULL: nothing is), and notes it in the plan. */
+/* Before its first slice, for a frame with frame->cloud_reprojection, when all frames before it are done: decides
+ * between frame->reprojects and a march of everything, makes room for what is kept (frame->history; NULL: nothing is),
+ * and notes it in the plan. */
 void cloud_history_begin(struct workspace *ws, struct frame *frame);
 
 /* Sets up a pass of the march that knows the frame before. */

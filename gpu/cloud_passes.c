@@ -10,8 +10,8 @@
 /* Images whose pixels are small: cells four pixels wide would miss whole clouds in others (7 % RMSE at 96 by 54). */
 enum { LATTICE_LEAST_PIXELS = 256 * 144 };
 
-/* Fewer rays than pixels are for pixels of an image, not bare directions; and for none that a surface may end, which those
- * in between do not know. */
+/* Fewer rays than pixels are for pixels of an image, not bare directions; and for none that a surface may end, which
+ * those in between do not know. */
 static bool by_fewer_rays(const struct frame *f)
 {
 	const struct welkin_image *image = &f->job.request.image;

@@ -33,7 +33,7 @@ struct sequence {
 	struct text head;
 	struct product *product;
 	size_t position;
-	bool chained; /* the frame asked for last goes by the one before it */
+	bool chained;       /* the frame asked for last goes by the one before it */
 	bool sending, last; /* a part is there; nothing follows it */
 
 	pthread_mutex_t lock; /* guards what follows; taken before the service's lock */
@@ -148,7 +148,9 @@ static void ask_frame(struct sequence *s)
 	struct slot *slot = &s->slots[s->asked % AHEAD];
 	char key[33];
 	pthread_mutex_lock(&s->lock);
-	slot->ticket = (struct ticket){ .done = slot_done, .cls = slot, .admitted = s->asked > 0, .sequence = s->id, .frame = s->asked };
+	slot->ticket = (struct ticket){
+		.done = slot_done, .cls = slot, .admitted = s->asked > 0, .sequence = s->id, .frame = s->asked
+	};
 	slot->waiting = true;
 	s->references++;
 	pthread_mutex_unlock(&s->lock);
@@ -157,8 +159,8 @@ static void ask_frame(struct sequence *s)
 		settle_unasked(slot, faults.list[0].detail);
 		return;
 	}
-	/* What others left in the cache is as good, unless frames go by those before them; but a film does not push their
-	 * images out of it. */
+	/* What others left in the cache is as good, unless frames go by those before them; but a film does not push
+	 * their images out of it. */
 	s->chained = request.clouds.reprojection;
 	struct product *cached = !s->chained && render_key(s->http->service, &request, NULL, key)
 					 ? service_lookup(s->http->service, key)

@@ -55,8 +55,8 @@ struct welkin_device service_device(struct service *service);
 /* A reference to the cached product, or NULL. */
 struct product *service_lookup(struct service *service, const char *key);
 
-/* key NULL: neither cached nor joined (radiance, embedded timings, frames of a sequence). photometer: radiance only. scene: the mesh of the
- * request's scene, of which a reference is taken; NULL: it has none. */
+/* key NULL: neither cached nor joined (radiance, embedded timings, frames of a sequence). photometer: radiance only.
+ * scene: the mesh of the request's scene, of which a reference is taken; NULL: it has none. */
 void service_submit(struct service *service, struct ticket *ticket, const struct welkin_request *request,
 	const char *key, const struct welkin_photometer *photometer, struct scene_mesh *scene);
 

@@ -1,6 +1,7 @@
 /*
  * What each saving of the march through clouds saves and errs by, added one after the other to 128 × 6 samples
- * everywhere; last, of a sequence under way, clouds from the frame before; then how far a frame with all of them is from its own converged image.
+ * everywhere; last, of a sequence under way, clouds from the frame before; then how far a frame with all of them is
+ * from its own converged image.
  *
  *   bench_clouds [--smoke] [--size WIDTHxHEIGHT] [--device auto|software|N]
  *
@@ -14,7 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SCENE                                                                                                     \
+#define SCENE                                                                                                          \
 	"atmosphere.method=sky_view&clouds.preset=cumulus&camera.pitch_deg=20&camera.fov_deg=60&sun.elevation_deg=40"  \
 	"&sun.azimuth_deg=180"
 static const char scene[] = SCENE "&camera.heading_deg=90";
@@ -24,7 +25,8 @@ static const char *const savings[] = { "steps_by_elevation", "early_exit", "empt
 	"light_volume", "shared_light", "half_resolution", "blue_noise" };
 enum { SAVINGS = sizeof savings / sizeof savings[0] };
 
-static const double goal_ratio = 20, goal_rmse = 0.03, goal_sequence_ratio = 60, goal_own_rmse = 0.05, goal_own_ms = 1000;
+static const double goal_ratio = 20, goal_rmse = 0.03, goal_sequence_ratio = 60, goal_own_rmse = 0.05,
+		    goal_own_ms = 1000;
 
 struct options {
 	bool smoke;
@@ -62,7 +64,8 @@ static bool warm_frame(
 	return cloud_frame_render(renderer, query, frame);
 }
 
-/* Means over the frames of a slow pan from the 17th to the 32nd, and the last of those, which shows the chart's view. */
+/* Means over the frames of a slow pan from the 17th to the 32nd, and the last of those, which shows the chart's view.
+ */
 static bool follow(struct lib_renderer *renderer, const struct options *o, double *march_ms, double *colours_ms,
 	double *cpu_ms, struct cloud_frame *last)
 {

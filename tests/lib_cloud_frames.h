@@ -10,7 +10,7 @@ struct cloud_frame {
 	double march_ms, colours_ms; /* device time of the passes clouds and cloud-history, and cloud-light */
 	double wall_ms;              /* of the renderer, from the job to its last strip; tables built for it are in */
 	double tables_ms;            /* device time of tables built for it */
-	double cpu_ms; /* processor time of the renderer, all its threads: what other load disturbs least */
+	double cpu_ms;    /* processor time of the renderer, all its threads: what other load disturbs least */
 	bool reprojected; /* from the frame before; why: what the plan says of that, "" nothing */
 	char why[92];
 };

@@ -452,8 +452,8 @@ static void same_bytes_without_a_daemon(void **state)
 	rmdir(folder);
 }
 
-#define CLOUDED                                                                                                   \
-	"\"image\":{\"width\":256,\"height\":144},\"atmosphere\":{\"method\":\"sky_view\"},\"clouds\":{\"preset\":"      \
+#define CLOUDED                                                                                                        \
+	"\"image\":{\"width\":256,\"height\":144},\"atmosphere\":{\"method\":\"sky_view\"},\"clouds\":{\"preset\":"    \
 	"\"cumulus\",\"reprojection\":true},\"camera\":{\"pitch_deg\":20}"
 
 /* Clouds from the frame before: two at once don't mix, and neither takes single renders for its frames or leaves its
@@ -462,8 +462,9 @@ static void frames_go_by_those_before_them(void **state)
 {
 	(void)state;
 	char folder[] = "/tmp/welkin-sequence-XXXXXX", path[128];
-	static const char text[] = "{" CLOUDED ",\"fps\":1,\"duration_s\":3,\"keyframes\":["
-				   "{\"at_s\":0,\"camera\":{\"heading_deg\":90}},{\"at_s\":3,\"camera\":{\"heading_deg\":96}}]}";
+	static const char text[] =
+		"{" CLOUDED ",\"fps\":1,\"duration_s\":3,\"keyframes\":["
+		"{\"at_s\":0,\"camera\":{\"heading_deg\":90}},{\"at_s\":3,\"camera\":{\"heading_deg\":96}}]}";
 	static const char last[] = "{" CLOUDED ",\"frames\":[{\"camera\":{\"heading_deg\":94}}]}";
 	assert_non_null(mkdtemp(folder));
 	render_to(folder, text);
@@ -482,7 +483,8 @@ static void frames_go_by_those_before_them(void **state)
 	assert_same_files(folder, parts);
 	for (int i = 0; i < 3; i++) {
 		assert_true(part_says(&parts[i], "\"cached\":false"));
-		assert_true(part_says(&parts[i], i ? "\"cloud-history\",\"ran\":true" : "\"cloud-history\",\"ran\":false"));
+		assert_true(
+			part_says(&parts[i], i ? "\"cloud-history\",\"ran\":true" : "\"cloud-history\",\"ran\":false"));
 	}
 	/* the same view with nothing before it is what a single render shows */
 	struct http_reply cut = post(d, last, 200);
