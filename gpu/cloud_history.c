@@ -295,7 +295,9 @@ static bool is_still(const struct look *a, const struct look *b)
 	const struct FrameBlock *x = &a->frame, *y = &b->frame;
 	return memcmp(&a->clouds, &b->clouds, sizeof a->clouds) == 0 &&
 	       memcmp(a->position_m, b->position_m, sizeof a->position_m) == 0 &&
-	       memcmp(x->camera_right, y->camera_right, 4 * sizeof x->camera_right) == 0 &&
+	       memcmp(x->camera_right, y->camera_right, sizeof x->camera_right) == 0 &&
+	       memcmp(x->camera_up, y->camera_up, sizeof x->camera_up) == 0 &&
+	       memcmp(x->camera_forward, y->camera_forward, sizeof x->camera_forward) == 0 &&
 	       memcmp(x->sun_direction, y->sun_direction, sizeof x->sun_direction) == 0 &&
 	       fabs((double)x->tan_half_fov - (double)y->tan_half_fov) < 1e-9;
 }

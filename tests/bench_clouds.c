@@ -74,9 +74,9 @@ static bool follow(struct lib_renderer *renderer, const struct options *o, doubl
 	for (int n = 0; n < FRAMES; n++) {
 		char query[1024];
 		snprintf(query, sizeof query,
-			SCENE "&camera.heading_deg=%.9g&clouds.time_s=%.9g&image.width=%d&image.height=%d"
+			SCENE "&camera.heading_deg=%.9g&image.width=%d&image.height=%d"
 			      "&clouds.reprojection=true",
-			90 - 0.15 * (FRAMES - 1 - n), (n - FRAMES + 1) / 24.0, o->width, o->height);
+			90 - 0.15 * (FRAMES - 1 - n), o->width, o->height);
 		if (!cloud_frame_render_in(renderer, query, 1, n, last))
 			return false;
 		*march_ms += n < SETTLED ? 0 : last->march_ms / (FRAMES - SETTLED);
