@@ -305,6 +305,13 @@ static const struct welkin_field built_in[] = {
 		"pixel, so that steps don't "
 		"show as bands.",
 		cloud_savings, AT(clouds.savings) },
+	{ "clouds.reprojection", WELKIN_TYPE_BOOL, "", 0, 1, "false",
+		"In sequences, march one of sixteen pixels and take the others from the frame before, moved with "
+		"camera "
+		"and wind, instead of half_resolution; all anew after a cut. Single renders have no frame before and "
+		"do "
+		"not change. Not in images of fewer than 36,864 pixels or in cubemap.",
+		NULL, AT(clouds.reprojection) },
 	{ "scene.name", WELKIN_TYPE_NAME, "", 0, 0, "",
 		"A mesh to stand under the sky, one of /v1/scenes; empty for none.", NULL, AT(scene.name) },
 	{ "scene.latitude_deg", WELKIN_TYPE_DOUBLE, "deg", -90, 90, "",

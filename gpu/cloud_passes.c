@@ -1,6 +1,7 @@
 /* The passes that put clouds in front of a strip's sky: the grey march, once, and its colours, batch by batch. */
 #include "gpu/frame.h"
 
+#include "gpu/cloud_history.h"
 #include "gpu/clouds.h"
 
 #include <stdio.h>
@@ -9,32 +10,64 @@
 /* Images whose pixels are small: cells four pixels wide would miss whole clouds in others (7 % RMSE at 96 by 54). */
 enum { LATTICE_LEAST_PIXELS = 256 * 144 };
 
-/* Pixels of an image, not bare directions; and none that a surface may end, which the lattice does not know. */
-static bool by_lattice(const struct frame *f)
+/* Fewer rays than pixels are for pixels of an image, not bare directions; and for none that a surface may end, which
+ * those in between do not know. */
+static bool by_fewer_rays(const struct frame *f)
 {
 	const struct welkin_image *image = &f->job.request.image;
 	return (double)image->width * image->height >= LATTICE_LEAST_PIXELS && f->job.kind == WELKIN_JOB_IMAGE &&
-	       !(f->plan.features & FEATURE_SURFACES) && f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION;
+	       !(f->plan.features & FEATURE_SURFACES);
 }
 
-static bool choose_lattice(struct workspace *ws, struct frame *f, const char *choices, struct error *err)
+/* A program and the rays that it is for. */
+struct choice {
+	const struct program **to;
+	const char *file;
+	int rays;
+};
+
+static bool choose(struct workspace *ws, const struct frame *f, const struct choice *programs, int n,
+	const char *choices, struct error *err)
 {
-	const struct {
-		const struct program **to;
-		const char *file;
-		int rays;
-	} programs[] = { { &f->cloud_lattice.corners, "clouds.comp", CLOUD_RAYS_CORNERS },
-		{ &f->cloud_lattice.fill_lattice, "cloud_fill.comp", CLOUD_RAYS_LATTICE },
-		{ &f->cloud_lattice.lattice, "clouds.comp", CLOUD_RAYS_LATTICE },
-		{ &f->cloud_lattice.fill_pixels, "cloud_fill.comp", CLOUD_RAYS_PIXELS },
-		{ &f->cloud_lattice.pixels, "clouds.comp", CLOUD_RAYS_PIXELS } };
-	for (size_t i = 0; i < sizeof programs / sizeof programs[0]; i++) {
+	for (int i = 0; i < n; i++) {
 		char all[96];
 		snprintf(all, sizeof all, "PROJECTION=%d RAYS=%d %s", f->job.request.image.projection, programs[i].rays,
 			strcmp(programs[i].file, "clouds.comp") == 0 ? choices : "");
 		if (!(*programs[i].to = programs_get(ws->programs, programs[i].file, all, err)))
 			return false;
 	}
+	return true;
+}
+
+static bool choose_lattice(struct workspace *ws, struct frame *f, const char *choices, struct error *err)
+{
+	const struct choice programs[] = { { &f->cloud_lattice.corners, "clouds.comp", CLOUD_RAYS_CORNERS },
+		{ &f->cloud_lattice.fill_lattice, "cloud_fill.comp", CLOUD_RAYS_LATTICE },
+		{ &f->cloud_lattice.lattice, "clouds.comp", CLOUD_RAYS_LATTICE },
+		{ &f->cloud_lattice.fill_pixels, "cloud_fill.comp", CLOUD_RAYS_PIXELS },
+		{ &f->cloud_lattice.pixels, "clouds.comp", CLOUD_RAYS_PIXELS } };
+	if (!by_fewer_rays(f) || !(f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION))
+		return true;
+	return choose(ws, f, programs, sizeof programs / sizeof programs[0], choices, err);
+}
+
+static bool choose_reprojection(struct workspace *ws, struct frame *f, const char *choices, struct error *err)
+{
+	static const char pass[] = "cloud-history";
+	const struct choice programs[] = { { &f->cloud_reprojection.blocks, "clouds.comp", CLOUD_RAYS_BLOCKS },
+		{ &f->cloud_reprojection.reproject, "cloud_reproject.comp", CLOUD_RAYS_BLOCKS },
+		{ &f->cloud_reprojection.pixels, "clouds.comp", CLOUD_RAYS_PIXELS },
+		{ &f->cloud_reprojection.keep, "cloud_keep.comp", CLOUD_RAYS_BLOCKS } };
+	if (!f->job.request.clouds.reprojection)
+		return true;
+	if (!f->job.sequence)
+		planner_note(&f->plan, pass, false, "clouds.reprojection is for sequences");
+	else if (!by_fewer_rays(f))
+		planner_note(&f->plan, pass, false, "the image is too small for blocks of 4 by 4 pixels");
+	else if (f->job.request.image.projection == WELKIN_CUBEMAP)
+		planner_note(&f->plan, pass, false, "a cross of faces has no neighbours across its edges");
+	else
+		return choose(ws, f, programs, sizeof programs / sizeof programs[0], choices, err);
 	return true;
 }
 
@@ -51,6 +84,12 @@ static bool layered(const struct frame *f)
 	       f->job.request.image.layers & WELKIN_LAYER_CLOUDS;
 }
 
+/* Blocks that a tile has along an axis, with so many more on both sides; cloud_history.glsl. */
+static int blocks_across(int from, int pixels, int more)
+{
+	return (from + pixels - 1) / 4 - from / 4 + 1 + 2 * more;
+}
+
 bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error *err)
 {
 	if (!(f->plan.features & FEATURE_CLOUDS) || f->method->progressive)
@@ -62,7 +101,7 @@ bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error 
 	snprintf(choices, sizeof choices, "LIGHTING=%d SAVINGS=%u %s", clouds->lighting, clouds->savings, surfaces);
 	return (f->clouds = programs_get(ws->programs, "clouds.comp", choices, err)) &&
 	       (f->compose = programs_get(ws->programs, "cloud_compose.comp", compose, err)) &&
-	       (!by_lattice(f) || choose_lattice(ws, f, choices, err));
+	       choose_lattice(ws, f, choices, err) && choose_reprojection(ws, f, choices, err);
 }
 
 /* Points of a tile's lattice, at most; cloud_lattice.glsl. */
@@ -80,7 +119,7 @@ bool clouds_reserve(struct workspace *ws, const struct frame *f, int pixels, str
 	return workspace_reserve(&ws->cloud_light, size, false, err) &&
 	       workspace_reserve(&ws->cloud_place, size, false, err) &&
 	       (!layered(f) || workspace_reserve(&ws->cloud_layer, 2 * size, false, err)) &&
-	       (!f->cloud_lattice.corners ||
+	       (!(f->cloud_lattice.corners || f->cloud_reprojection.blocks) ||
 		       (workspace_reserve(&ws->cloud_lattice, points * 8 * sizeof(float), false, err) &&
 			       workspace_reserve(
 				       &ws->cloud_list, (points + CLOUD_LIST_FIRST) * sizeof(uint), false, err)));
@@ -114,6 +153,51 @@ static void march_lattice(struct workspace *ws, const struct frame *f, const str
 	}
 }
 
+/* One pixel of each block, then the others from the frame before, marched where it does not show them. */
+static void march_blocks(struct workspace *ws, const struct frame *f, const struct pass *march)
+{
+	const int *tile = march->tile, pixels = tile[2] * tile[3];
+	struct pass pass = *march;
+	cloud_history_bind(f, &pass);
+	pass.storage[BIND_CLOUD_LATTICE] = ws->cloud_lattice.id;
+	pass.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
+	struct pass reproject = pass, listed = pass;
+	pass.program = f->cloud_reprojection.blocks;
+	pass.threads[0] = blocks_across(tile[0], tile[2], 1) * blocks_across(tile[1], tile[3], 1);
+	passes_run(ws->passes, &pass);
+	reproject.name = "cloud-history";
+	reproject.program = f->cloud_reprojection.reproject;
+	reproject.threads[0] = blocks_across(tile[0], tile[2], 0) * blocks_across(tile[1], tile[3], 0);
+	passes_run(ws->passes, &reproject);
+	listed.program = f->cloud_reprojection.pixels;
+	listed.threads[0] = pixels;
+	listed.indirect = ws->cloud_list.id;
+	listed.indirect_at = CLOUD_LIST_HEAD * (int)sizeof(uint);
+	passes_run(ws->passes, &listed);
+}
+
+/* For the next frame. */
+static void keep(struct workspace *ws, const struct frame *f, const struct pass *march)
+{
+	struct pass pass = *march;
+	pass.name = "cloud-history";
+	pass.program = f->cloud_reprojection.keep;
+	cloud_history_bind(f, &pass);
+	passes_run(ws->passes, &pass);
+}
+
+static void march_tile(struct workspace *ws, const struct frame *f, const struct pass *march)
+{
+	if (f->reprojects && f->stage == FRAME_STRIPS)
+		march_blocks(ws, f, march);
+	else if (f->cloud_lattice.corners && f->stage == FRAME_STRIPS)
+		march_lattice(ws, f, march);
+	else
+		passes_run(ws->passes, march);
+	if (f->history && f->stage == FRAME_STRIPS)
+		keep(ws, f, march);
+}
+
 void clouds_run(struct workspace *ws, const struct frame *f, const int tile[4], unsigned radiance,
 	unsigned transmittance, unsigned directions)
 {
@@ -123,10 +207,7 @@ void clouds_run(struct workspace *ws, const struct frame *f, const int tile[4], 
 	march.storage[BIND_SURFACES] = ws->surface.id;
 	march.storage[BIND_CLOUD_LIGHT] = ws->cloud_light.id;
 	march.storage[BIND_CLOUD_PLACE] = ws->cloud_place.id;
-	if (f->cloud_lattice.corners && f->stage == FRAME_STRIPS)
-		march_lattice(ws, f, &march);
-	else
-		passes_run(ws->passes, &march);
+	march_tile(ws, f, &march);
 
 	struct pass compose = march;
 	compose.name = "cloud-light";

@@ -2,6 +2,7 @@
 
 #include "gpu/choose.h"
 #include "gpu/clock.h"
+#include "gpu/cloud_history.h"
 #include "gpu/clouds.h"
 #include "gpu/operator_methods.h"
 
@@ -33,6 +34,8 @@ static const char *find_fault(const struct welkin_job *job)
 	const struct welkin_image *image = &r->image;
 	if (!in_range(job->kind, WELKIN_JOB_NOISE))
 		return "unknown kind of job";
+	if (job->frame < 0)
+		return "a frame before the first";
 	if (strnlen(job->scene_key, sizeof job->scene_key) == sizeof job->scene_key)
 		return "the name of the scene has no end";
 	if (!in_range(r->atmosphere.method, welkin_method_count - 1))
@@ -168,6 +171,7 @@ void frame_destroy(struct workspace *ws, struct frame *frame)
 	if (ws->bound == frame)
 		ws->bound = NULL;
 	scene_store_release(&ws->scenes, frame->mesh);
+	cloud_history_release(frame);
 	if (frame->map)
 		munmap(frame->map, frame->map_size);
 	free(frame->samples);
@@ -190,10 +194,19 @@ void frame_finish(struct frame *frame, enum welkin_status status, const char *me
 		snprintf(r->message, sizeof r->message, "%s", message);
 }
 
+/* Pixels from the frame before cost so much less that they are learned apart. */
+static struct cost setting_of(const struct frame *frame)
+{
+	struct cost setting = workspace_setting(&frame->job.request);
+	if (frame->reprojects && frame->stage == FRAME_STRIPS)
+		setting.clouds = -setting.clouds;
+	return setting;
+}
+
 static double cost_of(struct workspace *ws, const struct frame *frame, bool *known)
 {
 	const struct welkin_request *r = &frame->job.request;
-	const struct cost setting = workspace_setting(r);
+	const struct cost setting = setting_of(frame);
 	const double cost = workspace_cost(ws, &setting);
 	double samples = setting.clouds ? r->clouds.steps * r->clouds.light_steps * 10.0 : 0;
 	if (setting.clouds && frame->method->progressive)
@@ -223,7 +236,7 @@ bool frame_settle(struct workspace *ws, struct frame *frame, int pixels, int bat
 	}
 	if (pixels == 0)
 		return true;
-	const struct cost setting = workspace_setting(&frame->job.request);
+	const struct cost setting = setting_of(frame);
 	workspace_learn(ws, &setting, ms / pixels / batches, pixels);
 	return true;
 }
@@ -320,6 +333,9 @@ bool frame_slice(struct workspace *ws, struct frame *frame, struct error *err)
 {
 	const double start_ms = clock_ms();
 	struct error why = { "" };
+	if (!frame->begun)
+		cloud_history_begin(ws, frame);
+	frame->begun = true;
 	switch (bind(ws, frame, &why)) {
 	case TABLE_FAILED:
 		frame_finish(frame, WELKIN_FAILED, why.text);

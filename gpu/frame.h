@@ -33,6 +33,16 @@ struct frame {
 	struct {
 		const struct program *corners, *fill_lattice, *lattice, *fill_pixels, *pixels;
 	} cloud_lattice; /* NULL where every pixel is marched */
+	struct {
+		const struct program *blocks, *reproject, *pixels, *keep;
+	} cloud_reprojection;          /* NULL where no frame comes before or after */
+	bool begun;                    /* its first slice */
+	struct cloud_history *history; /* cloud_history.h */
+	bool reprojects;               /* its clouds come from the frame before; then: */
+	struct {
+		float rows[3][4]; /* as cloud_reproject.comp takes them */
+		int pixel[4];     /* as cloud_history.glsl takes it */
+	} before;
 	enum frame_stage stage;
 	struct strips strips;   /* METER, STRIPS */
 	int batch, direction;   /* DIRECTIONS: what comes next */

@@ -2,6 +2,7 @@
 #include "gpu/frame.h"
 
 #include "gpu/clock.h"
+#include "gpu/cloud_history.h"
 #include "gpu/progressive.h"
 #include "gpu/view.h"
 
@@ -320,6 +321,7 @@ static bool strip_step(struct workspace *ws, struct frame *f, double start_ms, s
 	f->result.nonfinite += *nonfinite;
 	read_back(ws, f, &layout, &planes, tile);
 	if (strips_done(&f->strips)) {
+		cloud_history_keep(f);
 		if (f->error_count > 0)
 			f->result.expected_error = sqrt(f->error_sum / f->error_count);
 		frame_finish(f, WELKIN_DONE, NULL);

@@ -32,7 +32,8 @@ struct welkin_job {
 	uint64_t id;
 	int32_t kind; /* enum welkin_job_kind */
 	int32_t n_directions, n_wavelengths;
-	int32_t reserved;
+	int32_t frame;     /* of the sequence, from 0 */
+	uint64_t sequence; /* whose frames come in order, each after the result of the one before; 0: none */
 	struct welkin_noise_slice noise; /* a noise job's */
 	int64_t deadline_us;             /* CLOCK_MONOTONIC; 0: none */
 	char scene_key[33]; /* the mesh of request.scene, which the renderer has been sent before; "": none */

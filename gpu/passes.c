@@ -147,6 +147,8 @@ static void bind(const struct passes *passes, const struct pass *pass)
 		glUniform4fv(LOCATION_WHITE, 1, pass->white);
 	if (pass->program->has_box)
 		glUniform4iv(LOCATION_BOX, 1, pass->box);
+	if (pass->program->has_rows)
+		glUniform4fv(LOCATION_ROWS, 3, pass->rows[0]);
 }
 
 static GLuint groups(const struct pass *pass, int axis)

@@ -1,5 +1,6 @@
 #include "gpu/workspace.h"
 
+#include "gpu/cloud_history.h"
 #include "gpu/clouds.h"
 
 #include <epoxy/gl.h>
@@ -24,7 +25,7 @@ bool workspace_init(struct workspace *ws, const struct device *device, const cha
 	return workspace_reserve(&ws->counters, 256, true, err);
 }
 
-static void release(struct buffer *buffer)
+void workspace_release(struct buffer *buffer)
 {
 	if (buffer->id)
 		glDeleteBuffers(1, &buffer->id); /* unmaps as well */
@@ -71,7 +72,8 @@ void workspace_finish(struct workspace *ws)
 		&ws->cloud_list, &ws->meter, &ws->samples, &ws->sample_layers, &ws->sample_transmittance, &ws->paths,
 		&ws->directions, &ws->spectral_L, &ws->spectral_T };
 	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
-		release(buffers[i]);
+		workspace_release(buffers[i]);
+	cloud_histories_destroy(ws->histories);
 	release_raster(&ws->raster);
 	scene_store_finish(&ws->scenes);
 	tables_destroy(ws->tables);
@@ -84,7 +86,7 @@ bool workspace_reserve(struct buffer *buffer, size_t size, bool mapped, struct e
 {
 	if (buffer->size >= size)
 		return true;
-	release(buffer);
+	workspace_release(buffer);
 	size_t rounded = 4096;
 	while (rounded < size)
 		rounded *= 2;
@@ -95,7 +97,7 @@ bool workspace_reserve(struct buffer *buffer, size_t size, bool mapped, struct e
 	if (mapped)
 		buffer->data = glMapNamedBufferRange(buffer->id, 0, (GLsizeiptr)rounded, map);
 	if (glGetError() != GL_NO_ERROR || (mapped && !buffer->data)) {
-		release(buffer);
+		workspace_release(buffer);
 		return error_set(err, "no device memory for a buffer of %zu bytes", rounded);
 	}
 	buffer->size = rounded;

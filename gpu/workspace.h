@@ -56,6 +56,7 @@ struct workspace {
 	struct buffer samples, sample_layers;             /* mapped; progressive methods */
 	struct buffer sample_transmittance, paths;        /* mapped, device only; likewise, in clouds */
 	struct buffer directions, spectral_L, spectral_T; /* photometer; the last two mapped */
+	struct cloud_histories *histories;                /* cloud_history.h; NULL until one is wanted */
 	struct cost costs[WORKSPACE_COSTS];
 	unsigned cost_clock;
 	const void *bound; /* the frame whose blocks are on the device; frames clear it when they go */
@@ -68,6 +69,8 @@ void workspace_finish(struct workspace *ws);
 
 /* Makes the buffer at least that large; its content is lost when it grows. */
 bool workspace_reserve(struct buffer *buffer, size_t size, bool mapped, struct error *err);
+
+void workspace_release(struct buffer *buffer);
 
 /* Makes the raster at least that large. */
 bool workspace_reserve_raster(struct workspace *ws, int width, int height, struct error *err);

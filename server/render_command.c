@@ -640,6 +640,8 @@ static bool render_frame(const struct command *command, struct run *run, const s
 		    s, frame, (enum welkin_format)p->job.request.image.format, limits, &p->job.request, &faults))
 		return error_set(err, "%s: %s", faults.list[0].field, faults.list[0].detail);
 	p->job.id = (uint64_t)frame + 1;
+	p->job.sequence = 1;
+	p->job.frame = frame;
 	run->done = false;
 	free(p->body.data);
 	p->body = (struct welkin_bytes){ 0 };

@@ -24,6 +24,7 @@ struct sequence {
 	struct welkin_sequence *frames;
 	struct frames_limits limits;
 	enum welkin_format format;
+	uint64_t id;
 	int n, asked, sent; /* frames: all, submitted, taken by the client */
 	int64_t started_us;
 	char boundary[64];
@@ -32,6 +33,7 @@ struct sequence {
 	struct text head;
 	struct product *product;
 	size_t position;
+	bool chained;       /* the frame asked for last goes by the one before it */
 	bool sending, last; /* a part is there; nothing follows it */
 
 	pthread_mutex_t lock; /* guards what follows; taken before the service's lock */
@@ -42,6 +44,7 @@ struct sequence {
 };
 
 static atomic_int under_way;
+static atomic_ullong last_id;
 
 /* ---- lifetime ---- */
 
@@ -145,7 +148,9 @@ static void ask_frame(struct sequence *s)
 	struct slot *slot = &s->slots[s->asked % AHEAD];
 	char key[33];
 	pthread_mutex_lock(&s->lock);
-	slot->ticket = (struct ticket){ .done = slot_done, .cls = slot, .admitted = s->asked > 0 };
+	slot->ticket = (struct ticket){
+		.done = slot_done, .cls = slot, .admitted = s->asked > 0, .sequence = s->id, .frame = s->asked
+	};
 	slot->waiting = true;
 	s->references++;
 	pthread_mutex_unlock(&s->lock);
@@ -154,9 +159,12 @@ static void ask_frame(struct sequence *s)
 		settle_unasked(slot, faults.list[0].detail);
 		return;
 	}
-	/* What others left in the cache is as good; but a film does not push their images out of it. */
-	struct product *cached =
-		render_key(s->http->service, &request, NULL, NULL, key) ? service_lookup(s->http->service, key) : NULL;
+	/* What others left in the cache is as good, unless frames go by those before them; but a film does not push
+	 * their images out of it. */
+	s->chained = request.clouds.reprojection;
+	struct product *cached = !s->chained && render_key(s->http->service, &request, NULL, NULL, key)
+					 ? service_lookup(s->http->service, key)
+					 : NULL;
 	if (cached) {
 		slot->ticket.product = cached;
 		slot->ticket.joined = true;
@@ -167,9 +175,18 @@ static void ask_frame(struct sequence *s)
 	}
 }
 
+/* A frame that goes by the one before it is asked for when that is done: the queue promises no order. */
+static bool may_ask(struct sequence *s)
+{
+	pthread_mutex_lock(&s->lock);
+	const bool waiting = s->asked > 0 && s->slots[(s->asked - 1) % AHEAD].waiting;
+	pthread_mutex_unlock(&s->lock);
+	return !(s->chained && waiting);
+}
+
 static void ask_ahead(struct sequence *s)
 {
-	while (s->asked < s->n && s->asked < s->sent + AHEAD && !atomic_load(&s->http->draining))
+	while (s->asked < s->n && s->asked < s->sent + AHEAD && may_ask(s) && !atomic_load(&s->http->draining))
 		ask_frame(s);
 }
 
@@ -335,6 +352,7 @@ enum MHD_Result sequence_begin(struct call *call, struct welkin_sequence *frames
 		.format = format,
 		.n = welkin_sequence_frames(frames),
 		.started_us = call->received_us,
+		.id = atomic_fetch_add(&last_id, 1) + 1,
 		.references = 1 };
 	pthread_mutex_init(&s->lock, NULL);
 	for (int i = 0; i < AHEAD; i++)

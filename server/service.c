@@ -113,6 +113,8 @@ void service_submit(struct service *s, struct ticket *ticket, const struct welki
 		struct render *r = create_render(s, request, key, photometer, noise, scene);
 		s->misses += key != NULL;
 		if (r) {
+			r->job.sequence = ticket->sequence;
+			r->job.frame = ticket->frame;
 			enqueue(s, ticket, r, &settled);
 		} else {
 			ticket->retry_after_s = 1;

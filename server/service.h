@@ -32,6 +32,8 @@ struct ticket {
 	struct product *product;
 	int retry_after_s; /* busy, unavailable */
 	char detail[256];
+	uint64_t sequence; /* set by the owner: as of a job; 0: none */
+	int frame;
 	bool admitted; /* set by the owner: not refused for a full queue, which has let in an earlier one of the same */
 	bool joined;   /* somebody else's render was under way */
 
@@ -53,9 +55,9 @@ struct welkin_device service_device(struct service *service);
 /* A reference to the cached product, or NULL. */
 struct product *service_lookup(struct service *service, const char *key);
 
-/* key NULL: neither cached nor joined (radiance, embedded timings). photometer: radiance only. noise: the slice that is
- * asked for; NULL: an image or radiance. scene: the mesh of the request's scene, of which a reference is taken; NULL:
- * it has none. */
+/* key NULL: neither cached nor joined (radiance, embedded timings, frames of a sequence). photometer: radiance only.
+ * noise: the slice that is asked for; NULL: an image or radiance. scene: the mesh of the request's scene, of which a
+ * reference is taken; NULL: it has none. */
 void service_submit(struct service *service, struct ticket *ticket, const struct welkin_request *request,
 	const char *key, const struct welkin_photometer *photometer, const struct welkin_noise_slice *noise,
 	struct scene_mesh *scene);

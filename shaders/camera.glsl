@@ -86,6 +86,43 @@ vec3 camera_local(vec2 pixel, ivec2 cell)
 	return normalize(vec3(p / size.y * frame.tan_half_fov, 1.0));
 }
 
+/* A direction in the camera's axes as a point of a cube's face: right and up over z, which is not positive where the
+ * face does not show it. The inverse of cube_face_point(). */
+vec3 cube_face_of(int face, vec3 v)
+{
+	if (face == FACE_RIGHT)
+		return vec3(-v.z, v.y, v.x);
+	if (face == FACE_BACK)
+		return vec3(-v.x, v.y, -v.z);
+	if (face == FACE_LEFT)
+		return vec3(v.z, v.y, -v.x);
+	if (face == FACE_UP)
+		return vec3(v.x, -v.z, v.y);
+	if (face == FACE_DOWN)
+		return vec3(v.x, v.z, -v.y);
+	return v;
+}
+
+/* The image coordinate that looks in a direction, of any length, in the camera's axes; outside the image where none does. The
+ * inverse of camera_local(), but not for the cross of cube faces. */
+vec2 camera_image(vec3 v)
+{
+	vec2 size = vec2(frame.width, frame.height);
+	if (PROJECTION == PROJECTION_EQUIRECTANGULAR)
+		return size * vec2(atan(v.x, v.z) / (2.0 * CAMERA_PI) + 0.5, 0.5 - atan(v.y, length(v.xz)) / CAMERA_PI);
+	vec2 p;
+	if (PROJECTION == PROJECTION_FISHEYE) {
+		float across = length(v.xy);
+		p = v.xy * (across > 0.0 ? size.y * atan(across, v.z) / (across * 0.5 * frame.fov) : 0.0);
+	} else {
+		vec3 f = PROJECTION == PROJECTION_CUBE_FACE ? cube_face_of(frame.cube_face, v) : v;
+		if (f.z <= 0.0)
+			return vec2(-1.0);
+		p = f.xy / f.z * (PROJECTION == PROJECTION_CUBE_FACE ? size : vec2(size.y / frame.tan_half_fov));
+	}
+	return 0.5 * size + vec2(0.5, -0.5) * p;
+}
+
 /* World direction at an image coordinate that belongs to the pixel with this centre. */
 vec3 camera_direction(vec2 pixel, vec2 center)
 {

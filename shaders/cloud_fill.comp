@@ -17,43 +17,24 @@ layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]
 layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
 #endif
 
-/* How far neighbours may differ: of what they show, relative to it; of what comes through; of distance, relative. */
-const float ALIKE = 0.10, ALIKE_THROUGH = 0.05, ALIKE_DISTANCE = 0.25;
-/* What sky and ground are to the sun, about, by day. */
-const float SKY_TO_SUN = 0.05;
-
 struct Corner {
-	vec4 light, place, direction;
+	Sight sight;
+	vec4 direction;
 };
 
 Corner corner(ivec2 point, int across)
 {
 	int at = 2 * (point.y * across + point.x);
-	return Corner(lattice[at], lattice[at + 1], pixel_direction(lattice_pixel(tile, point)));
+	return Corner(Sight(lattice[at], lattice[at + 1]), pixel_direction(lattice_pixel(tile, point)));
 }
 
-float shown(vec4 light)
-{
-	return light.y + SKY_TO_SUN * (light.x + light.z + light.w);
-}
-
-float range(vec4 v)
-{
-	return max(max(v.x, v.y), max(v.z, v.w)) - min(min(v.x, v.y), min(v.z, v.w));
-}
-
-/* Do the four show the same cloud, or the same lack of one, in about the same direction? */
+/* Do the four show the same in about the same direction? */
 bool agree(Corner a, Corner b, Corner c, Corner d)
 {
-	vec4 seen = vec4(shown(a.light), shown(b.light), shown(c.light), shown(d.light));
-	vec4 through = vec4(a.light.x, b.light.x, c.light.x, d.light.x);
-	vec4 distance_ = vec4(a.place.x, b.place.x, c.place.x, d.place.x);
-	vec4 cosine = vec4(1.0, dot(a.direction.xyz, b.direction.xyz), dot(a.direction.xyz, c.direction.xyz), dot(a.direction.xyz, d.direction.xyz));
-	bool near_ = min(min(cosine.x, cosine.y), min(cosine.z, cosine.w)) > 0.9;
+	vec3 cosine = vec3(dot(a.direction.xyz, b.direction.xyz), dot(a.direction.xyz, c.direction.xyz), dot(a.direction.xyz, d.direction.xyz));
+	bool near_ = min(min(cosine.x, cosine.y), cosine.z) > 0.9;
 	bool all_see = min(min(a.direction.w, b.direction.w), min(c.direction.w, d.direction.w)) >= 0.0;
-	float most = max(max(distance_.x, distance_.y), max(distance_.z, distance_.w));
-	return near_ && all_see && range(seen) <= ALIKE * 0.25 * dot(seen, vec4(1.0)) && range(through) <= ALIKE_THROUGH &&
-	       range(distance_) <= ALIKE_DISTANCE * most;
+	return near_ && all_see && alike(a.sight, b.sight, c.sight, d.sight);
 }
 
 void add_to_list(int at)
@@ -83,13 +64,12 @@ void main()
 		add_to_list(i);
 		return;
 	}
-	vec4 between = mix(mix(a.light, b.light, x.x), mix(c.light, d.light, x.x), x.y);
-	vec4 where = mix(mix(a.place, b.place, x.x), mix(c.place, d.place, x.x), x.y);
+	Sight sight = between(a.sight, b.sight, c.sight, d.sight, x);
 #if RAYS == CLOUD_RAYS_LATTICE
-	lattice[2 * i] = between;
-	lattice[2 * i + 1] = where;
+	lattice[2 * i] = sight.light;
+	lattice[2 * i + 1] = sight.place;
 #else
-	light[i] = between;
-	place[i] = where;
+	light[i] = sight.light;
+	place[i] = sight.place;
 #endif
 }

@@ -8,6 +8,41 @@
 
 const int LATTICE_CELL = 4;
 
+/* How far neighbours may differ: of what they show, relative to it; of what comes through; of distance, relative. */
+const float ALIKE = 0.10, ALIKE_THROUGH = 0.05, ALIKE_DISTANCE = 0.25;
+/* What sky and ground are to the sun, about, by day. */
+const float SKY_TO_SUN = 0.05;
+
+/* What a ray was found to show; clouds.comp. */
+struct Sight {
+	vec4 light, place;
+};
+
+float shown(vec4 light)
+{
+	return light.y + SKY_TO_SUN * (light.x + light.z + light.w);
+}
+
+float range(vec4 v)
+{
+	return max(max(v.x, v.y), max(v.z, v.w)) - min(min(v.x, v.y), min(v.z, v.w));
+}
+
+/* Do the four show the same cloud, or the same lack of one? */
+bool alike(Sight a, Sight b, Sight c, Sight d)
+{
+	vec4 seen = vec4(shown(a.light), shown(b.light), shown(c.light), shown(d.light));
+	vec4 through = vec4(a.light.x, b.light.x, c.light.x, d.light.x);
+	vec4 distance_ = vec4(a.place.x, b.place.x, c.place.x, d.place.x);
+	float most = max(max(distance_.x, distance_.y), max(distance_.z, distance_.w));
+	return range(seen) <= ALIKE * 0.25 * dot(seen, vec4(1.0)) && range(through) <= ALIKE_THROUGH && range(distance_) <= ALIKE_DISTANCE * most;
+}
+
+Sight between(Sight a, Sight b, Sight c, Sight d, vec2 x)
+{
+	return Sight(mix(mix(a.light, b.light, x.x), mix(c.light, d.light, x.x), x.y), mix(mix(a.place, b.place, x.x), mix(c.place, d.place, x.x), x.y));
+}
+
 /* The lattice's first pixel; points along each axis, 2 pixels apart but for the last, which stays in the image. */
 ivec2 lattice_origin(ivec4 tile)
 {

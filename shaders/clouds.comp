@@ -4,11 +4,11 @@
  * below — with the place where they are; cloud_compose.comp gives them their colours.
  */
 #include "cloud_march.glsl"
-#include "cloud_lattice.glsl"
+#include "cloud_history.glsl"
 #include "surface_distance.glsl"
 
-/* Which rays: those of a buffer, one per pixel of the tile; the corners of the lattice's cells; or those that
- * cloud_fill.comp listed, of the lattice or of the tile. */
+/* Which rays: those of a buffer, one per pixel of the tile; the corners of the lattice's cells; those that cloud_fill.comp or
+ * cloud_reproject.comp listed, of the lattice or of the tile; or one of each block. */
 #ifndef RAYS
 #define RAYS CLOUD_RAYS_GIVEN
 #endif
@@ -69,19 +69,23 @@ void main()
 	light[i] = c.light;
 	place[i] = c.place;
 }
-#elif RAYS == CLOUD_RAYS_CORNERS
+#elif RAYS == CLOUD_RAYS_CORNERS || RAYS == CLOUD_RAYS_BLOCKS
 void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
-	ivec2 size = lattice_size(tile), corners = size / 2 + 1, point = 2 * ivec2(i % corners.x, i / corners.x);
 	if (i == 0)
 		for (int k = 0; k < CLOUD_LIST_FIRST; k++)
 			list[k] = k % CLOUD_LIST_HEAD == 1 || k % CLOUD_LIST_HEAD == 2 ? 1u : 0u;
-	if (i >= corners.x * corners.y)
+#if RAYS == CLOUD_RAYS_BLOCKS
+	ivec2 count = block_count(tile), own = ivec2(i % count.x, i / count.x), pixel = block_pixel(block_first(tile) + own);
+	int at = 2 * i;
+#else
+	ivec2 size = lattice_size(tile), count = size / 2 + 1, own = ivec2(i % count.x, i / count.x), pixel = lattice_pixel(tile, 2 * own);
+	int at = 4 * (own.y * size.x + own.x);
+#endif
+	if (i >= count.x * count.y)
 		return;
-	ivec2 pixel = lattice_pixel(tile, point);
 	Clouds c = march(pixel_direction(pixel), pixel, NO_SURFACE);
-	int at = 2 * (point.y * size.x + point.x);
 	lattice[at] = c.light;
 	lattice[at + 1] = c.place;
 }

@@ -39,6 +39,8 @@ typedef unsigned int uint;
 #define BIND_NODES 6         /* quadrature nodes: vec2 (position in [0,1], weight) */
 #define BIND_CLOUD_LATTICE 4 /* kernels of the march: two vec4 per point, as the next two; cloud_lattice.glsl */
 #define BIND_CLOUD_LIST 5    /* likewise: CLOUD_LIST_ of uint, points to march */
+#define BIND_CLOUD_BEFORE 0  /* likewise: uvec4 per pixel of the image, clouds of the frame before; cloud_history.glsl */
+#define BIND_CLOUD_KEPT 1    /* likewise, of this frame for the next */
 #define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp */
 #define BIND_CLOUD_PLACE 8   /* vec4 per pixel: where they are */
 #define BIND_PATHS 8         /* kernel of the reference: PATH_UVEC4S per ray, paths through clouds that the next dispatch goes on with */
@@ -138,9 +140,9 @@ typedef unsigned int uint;
 #define LOCATION_BATCH 1 /* int: index of the spectral batch; 0 clears the accumulators */
 #define LOCATION_PLANES 2 /* ivec4: where in BIND_OUTPUT, in uints, inscatter, transmittance, depth and clouds start; -1: not wanted */
 #define LOCATION_WHITE 3 /* vec4: linear Rec.709 of the sun's irradiance over all batches, and its luminance: what a transmittance of 1 adds up to */
-#define LOCATION_SAMPLES 6 /* ivec4, progressive methods: first group of paths, groups per ray in this dispatch, paths per group, highest order */
+#define LOCATION_SAMPLES 6 /* ivec4, progressive methods: first group of paths, groups per ray in this dispatch, paths per group, highest order; clouds of a frame that follows another: cloud_history.glsl */
 #define LOCATION_ITERATION 5 /* int: how often a table's kernel has run before */
-#define LOCATION_ROWS 8  /* vec4[3]: of the matrix that a program which draws projects by */
+#define LOCATION_ROWS 8  /* vec4[3]: of the matrix that a program which draws projects by, or that gives places in the frame before; cloud_history.glsl */
 #define LOCATION_BOX 4   /* ivec4: x, y, width, height of the part of the strip that the sun's disk may touch */
 
 #define WORKGROUP_X 16
@@ -171,6 +173,7 @@ typedef unsigned int uint;
 #define CLOUD_RAYS_CORNERS 1
 #define CLOUD_RAYS_LATTICE 2
 #define CLOUD_RAYS_PIXELS 3
+#define CLOUD_RAYS_BLOCKS 4
 /* BIND_CLOUD_LIST: for the lattice, then for the pixels: workgroups along x, y, z, and how many points; then the points. */
 #define CLOUD_LIST_HEAD 4
 #define CLOUD_LIST_FIRST 8

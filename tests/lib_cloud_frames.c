@@ -30,7 +30,8 @@ static void add_times(const struct welkin_result *result, struct cloud_frame *fr
 {
 	for (int i = 0; i < result->n_passes; i++) {
 		const struct welkin_pass_time *pass = &result->passes[i];
-		frame->march_ms += strncmp(pass->name, "clouds", 6) == 0 ? pass->ms : 0;
+		const bool march = strcmp(pass->name, "clouds") == 0 || strcmp(pass->name, "cloud-history") == 0;
+		frame->march_ms += march ? pass->ms : 0;
 		frame->colours_ms += strcmp(pass->name, "cloud-light") == 0 ? pass->ms : 0;
 		frame->tables_ms += strncmp(pass->name, "table-", 6) == 0 ? pass->ms : 0;
 	}
@@ -53,9 +54,25 @@ static double cpu_ms_of(pid_t pid)
 	return 1e3 * (double)(user + system) / (double)sysconf(_SC_CLK_TCK);
 }
 
+/* What the plan says of the frame before. */
+static void note_history(const struct welkin_result *result, struct cloud_frame *frame)
+{
+	for (int i = 0; i < result->n_plan; i++)
+		if (strcmp(result->plan[i].pass, "cloud-history") == 0) {
+			frame->reprojected = result->plan[i].ran != 0;
+			memcpy(frame->why, result->plan[i].why, sizeof frame->why);
+		}
+}
+
 bool cloud_frame_render(struct lib_renderer *renderer, const char *query, struct cloud_frame *frame)
 {
-	struct welkin_job job = { .kind = WELKIN_JOB_IMAGE };
+	return cloud_frame_render_in(renderer, query, 0, 0, frame);
+}
+
+bool cloud_frame_render_in(
+	struct lib_renderer *renderer, const char *query, int sequence, int number, struct cloud_frame *frame)
+{
+	struct welkin_job job = { .kind = WELKIN_JOB_IMAGE, .sequence = (uint64_t)sequence, .frame = number };
 	struct welkin_message message = { .type = 0 };
 	memset(frame, 0, sizeof *frame);
 	if (!request_of_query(query, &job.request))
@@ -74,6 +91,7 @@ bool cloud_frame_render(struct lib_renderer *renderer, const char *query, struct
 	frame->width = job.request.image.width;
 	frame->height = job.request.image.height;
 	add_times(&message.result, frame);
+	note_history(&message.result, frame);
 	frame->cpu_ms = cpu_ms_of(renderer->pid) - cpu_ms;
 	return true;
 }

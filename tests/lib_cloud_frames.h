@@ -7,14 +7,19 @@
 struct cloud_frame {
 	int width, height;
 	float *rgba;                 /* linear Rec.709, one exposure for all */
-	double march_ms, colours_ms; /* device time of the passes clouds and cloud-light */
+	double march_ms, colours_ms; /* device time of the passes clouds and cloud-history, and cloud-light */
 	double wall_ms;              /* of the renderer, from the job to its last strip; tables built for it are in */
 	double tables_ms;            /* device time of tables built for it */
-	double cpu_ms; /* processor time of the renderer, all its threads: what other load disturbs least */
+	double cpu_ms;    /* processor time of the renderer, all its threads: what other load disturbs least */
+	bool reprojected; /* from the frame before; why: what the plan says of that, "" nothing */
+	char why[92];
 };
 
 /* Renders what a query string asks for. Prints why on stderr where it can't. */
 bool cloud_frame_render(struct lib_renderer *renderer, const char *query, struct cloud_frame *frame);
+/* The same as a frame of a sequence; 0: of none. */
+bool cloud_frame_render_in(
+	struct lib_renderer *renderer, const char *query, int sequence, int number, struct cloud_frame *frame);
 void cloud_frame_free(struct cloud_frame *frame);
 
 double cloud_frame_ms(const struct cloud_frame *frame);

@@ -391,14 +391,10 @@ static void ends_with_the_daemon_and_the_renderer(void **state)
 
 /* ---- the real renderer ---- */
 
-static void same_bytes_without_a_daemon(void **state)
+/* Renders a sequence of three frames to folder/f_00.png and so on. */
+static void render_to(const char *folder, const char *text)
 {
-	(void)state;
-	char folder[] = "/tmp/welkin-sequence-XXXXXX", path[128], pattern[128], *output;
-	static const char text[] =
-		"{\"image\":{\"width\":48,\"height\":32},\"fps\":1,\"duration_s\":3,\"keyframes\":["
-		"{\"at_s\":0,\"sun\":{\"elevation_deg\":-3}},{\"at_s\":3,\"sun\":{\"elevation_deg\":12}}]}";
-	assert_non_null(mkdtemp(folder));
+	char path[128], pattern[128], *output;
 	snprintf(path, sizeof path, "%s/s.json", folder);
 	snprintf(pattern, sizeof pattern, "%s/f_%%02d.png", folder);
 	FILE *file = fopen(path, "w");
@@ -411,15 +407,15 @@ static void same_bytes_without_a_daemon(void **state)
 	if (status)
 		fail_msg("%s", output);
 	free(output);
-	struct daemon_process *d = daemon_start(false, (const char *const[]){ "--device", "software", NULL });
-	struct part parts[4];
-	bool ended;
-	struct http_reply r = post(d, text, 200);
-	assert_int_equal(split(&r, parts, 4, &ended), 3);
+}
+
+static void assert_same_files(const char *folder, const struct part parts[3])
+{
+	static char data[1 << 20];
+	char path[128];
 	for (int i = 0; i < 3; i++) {
-		char data[65536];
 		snprintf(path, sizeof path, "%s/f_%02d.png", folder, i);
-		file = fopen(path, "rb");
+		FILE *file = fopen(path, "rb");
 		assert_non_null(file);
 		const size_t n = fread(data, 1, sizeof data, file);
 		fclose(file);
@@ -427,6 +423,23 @@ static void same_bytes_without_a_daemon(void **state)
 		assert_memory_equal(data, parts[i].body, n);
 		unlink(path);
 	}
+}
+
+static void same_bytes_without_a_daemon(void **state)
+{
+	(void)state;
+	char folder[] = "/tmp/welkin-sequence-XXXXXX", path[128], pattern[128], *output;
+	static const char text[] =
+		"{\"image\":{\"width\":48,\"height\":32},\"fps\":1,\"duration_s\":3,\"keyframes\":["
+		"{\"at_s\":0,\"sun\":{\"elevation_deg\":-3}},{\"at_s\":3,\"sun\":{\"elevation_deg\":12}}]}";
+	assert_non_null(mkdtemp(folder));
+	render_to(folder, text);
+	struct daemon_process *d = daemon_start(false, (const char *const[]){ "--device", "software", NULL });
+	struct part parts[4];
+	bool ended;
+	struct http_reply r = post(d, text, 200);
+	assert_int_equal(split(&r, parts, 4, &ended), 3);
+	assert_same_files(folder, parts);
 	reply_finish(&r);
 	daemon_stop(d);
 	snprintf(path, sizeof path, "%s/s.json", folder);
@@ -435,6 +448,55 @@ static void same_bytes_without_a_daemon(void **state)
 		daemon_run((const char *const[]){ "render", "--sequence", path, "-o", pattern, NULL }, &output), 2);
 	assert_non_null(strstr(output, "frame_%04d.png"));
 	free(output);
+	unlink(path);
+	rmdir(folder);
+}
+
+#define CLOUDED                                                                                                        \
+	"\"image\":{\"width\":256,\"height\":144},\"atmosphere\":{\"method\":\"sky_view\"},\"clouds\":{\"preset\":"    \
+	"\"cumulus\",\"reprojection\":true},\"camera\":{\"pitch_deg\":20}"
+
+/* Clouds from the frame before: two at once don't mix, and neither takes single renders for its frames or leaves its
+ * frames to those. */
+static void frames_go_by_those_before_them(void **state)
+{
+	(void)state;
+	char folder[] = "/tmp/welkin-sequence-XXXXXX", path[128];
+	static const char text[] =
+		"{" CLOUDED ",\"fps\":1,\"duration_s\":3,\"keyframes\":["
+		"{\"at_s\":0,\"camera\":{\"heading_deg\":90}},{\"at_s\":3,\"camera\":{\"heading_deg\":96}}]}";
+	static const char last[] = "{" CLOUDED ",\"frames\":[{\"camera\":{\"heading_deg\":94}}]}";
+	assert_non_null(mkdtemp(folder));
+	render_to(folder, text);
+	struct daemon_process *d = daemon_start(false, (const char *const[]){ "--device", "software", NULL });
+	struct part parts[4], alone[2];
+	bool ended;
+	struct http_reply before = get(d->url,
+		"/v1/render.png?image.width=256&image.height=144&atmosphere.method=sky_view&clouds.preset=cumulus"
+		"&clouds.reprojection=true&camera.pitch_deg=20&camera.heading_deg=94");
+	assert_int_equal(before.status, 200);
+	const int fd = begin_raw(d, text);
+	struct http_reply r = post(d, text, 200);
+	free(raw_read(fd, 60, NULL));
+	close(fd);
+	assert_int_equal(split(&r, parts, 4, &ended), 3);
+	assert_same_files(folder, parts);
+	for (int i = 0; i < 3; i++) {
+		assert_true(part_says(&parts[i], "\"cached\":false"));
+		assert_true(
+			part_says(&parts[i], i ? "\"cloud-history\",\"ran\":true" : "\"cloud-history\",\"ran\":false"));
+	}
+	/* the same view with nothing before it is what a single render shows */
+	struct http_reply cut = post(d, last, 200);
+	assert_int_equal(split(&cut, alone, 2, &ended), 1);
+	assert_int_equal(alone[0].size, before.size);
+	assert_memory_equal(alone[0].body, before.body, before.size);
+	assert_true(before.size != parts[2].size || memcmp(before.body, parts[2].body, before.size) != 0);
+	reply_finish(&cut);
+	reply_finish(&r);
+	reply_finish(&before);
+	daemon_stop(d);
+	snprintf(path, sizeof path, "%s/s.json", folder);
 	unlink(path);
 	rmdir(folder);
 }
@@ -455,6 +517,7 @@ int main(int argc, char **argv)
 		cmocka_unit_test(shares_the_renderer),
 		cmocka_unit_test(ends_with_the_daemon_and_the_renderer),
 		cmocka_unit_test(same_bytes_without_a_daemon),
+		cmocka_unit_test(frames_go_by_those_before_them),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,31 @@
+#ifndef WELKIN_GPU_CLOUD_HISTORY_H
+#define WELKIN_GPU_CLOUD_HISTORY_H
+
+#include "gpu/frame.h"
+
+/*
+ * Clouds of the frame before, for sequences that ask for clouds.reprojection (shaders/cloud_history.glsl). What a
+ * sequence's last frame showed stays on the device until its next frame; of a few sequences, within a bound of
+ * memory. A sequence that lost it — to others, or with the renderer — goes on as after a cut: with a frame that
+ * marches everything, like a single one.
+ */
+struct cloud_history;
+struct cloud_histories;
+
+/* Before its first slice, for a frame with frame->cloud_reprojection, when all frames before it are done: decides
+ * between frame->reprojects and a march of everything, makes room for what is kept (frame->history; NULL: nothing is),
+ * and notes it in the plan. */
+void cloud_history_begin(struct workspace *ws, struct frame *frame);
+
+/* Sets up a pass of the march that knows the frame before. */
+void cloud_history_bind(const struct frame *frame, struct pass *pass);
+
+/* All its clouds are kept: the next frame may have them. */
+void cloud_history_keep(struct frame *frame);
+
+/* The frame ends, kept or not. */
+void cloud_history_release(struct frame *frame);
+
+void cloud_histories_destroy(struct cloud_histories *histories);
+
+#endif
