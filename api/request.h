@@ -165,6 +165,7 @@ struct welkin_clouds {
 	int32_t detail_frequency;
 	int32_t weather_map;  /* enum welkin_weather_map */
 	int32_t reprojection; /* 0 or 1; of sequences' frames only */
+	int32_t reserved;
 	double curl_scale_m, curl_strength_m;
 	double high_coverage, high_optical_depth, high_altitude_m, high_scale_m;
 	int32_t high_type, steps, light_steps;
