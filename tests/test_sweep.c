@@ -149,7 +149,11 @@ static bool find_bad(const struct welkin_image *image, const unsigned char *pixe
 	const float *values = (const float *)(const void *)pixels;
 	for (size_t i = image->exr_type == WELKIN_HALF ? first_plane / 4 : 0; i < layout.total / 4; i++) {
 		*bad = (double)values[i];
-		if (!(*bad >= 0) || (isinf(*bad) && i * 4 < depth))
+		/* no ground and no cloud: an infinite distance */
+		const bool far = i * 4 >= depth ||
+				 (layout.clouds != (size_t)-1 && i * 4 >= layout.clouds &&
+					 (i - layout.clouds / 4) % WELKIN_CLOUD_SAMPLES == WELKIN_CLOUD_SAMPLES - 1);
+		if (!(*bad >= 0) || (isinf(*bad) && !far))
 			return true;
 	}
 	return false;
