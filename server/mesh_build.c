@@ -379,13 +379,20 @@ static struct mesh_header make_header(const struct mesh_build *b, const char key
 	return h;
 }
 
+/* A folder with a weather map alone has nothing to copy, at NULL. */
+static void copy(char *to, const void *from, size_t size)
+{
+	if (size > 0)
+		memcpy(to, from, size);
+}
+
 static void fill_block(const struct mesh_build *b, const struct mesh_header *h, char *block)
 {
 	memcpy(block, h, sizeof *h);
-	memcpy(block + h->vertices, b->vertices, b->n_vertices * sizeof *b->vertices);
-	memcpy(block + h->indices, b->indices, b->n_indices * sizeof *b->indices);
-	memcpy(block + h->parts, b->parts, b->n_parts * sizeof *b->parts);
-	memcpy(block + h->materials, b->materials, b->n_materials * sizeof *b->materials);
+	copy(block + h->vertices, b->vertices, b->n_vertices * sizeof *b->vertices);
+	copy(block + h->indices, b->indices, b->n_indices * sizeof *b->indices);
+	copy(block + h->parts, b->parts, b->n_parts * sizeof *b->parts);
+	copy(block + h->materials, b->materials, b->n_materials * sizeof *b->materials);
 	uint64_t pixels = h->bytes - b->texture_bytes;
 	for (size_t i = 0; i < b->n_textures; i++) {
 		const struct build_texture *t = &b->textures[i];

@@ -103,16 +103,17 @@ Looks looks_of(Ray ray)
 #ifdef SCENE /* such paths start all over the pixel */
 	reach = 0.0;
 #endif
-	return Looks(abs(above) < reach ? 2 : 1, 0.5 + 0.5 * above / max(reach, 1e-12),
+	return Looks(abs(above) < reach && slope > 0.02 ? 2 : 1, 0.5 + 0.5 * above / max(reach, 1e-12),
 		horizon + 0.5 * (above + reach), horizon + 0.5 * (above - reach));
 }
 
 Ray look(Ray ray, Looks looks, int k)
 {
 	if (looks.count > 1) {
-		vec3 level = normalize(ray.d - ray.up * dot(ray.up, ray.d));
-		ray.mu = k == 0 ? looks.first : looks.second;
-		ray.d = level * sqrt(1.0 - ray.mu * ray.mu) + ray.up * ray.mu;
+		vec3 level = ray.d - ray.up * dot(ray.up, ray.d);
+		level *= inversesqrt(max(dot(level, level), 1e-12));
+		ray.mu = clamp(k == 0 ? looks.first : looks.second, -1.0, 1.0);
+		ray.d = level * sqrt(max(1.0 - ray.mu * ray.mu, 0.0)) + ray.up * ray.mu;
 	}
 	return ray;
 }
