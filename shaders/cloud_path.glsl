@@ -227,20 +227,6 @@ vec3 column_along(float h, float mu, float t, bool down)
 	return max(down ? b - a : a - b, 0.0);
 }
 
-/* Where on a way the air is met, for s in (0,1); jacobian: 1 / density of t. */
-float air_position(float h, float mu, float extent, float s, out float jacobian)
-{
-	float lowest = clamp(-(media.planet_radius + h) * mu, 0.0, extent);
-	float share = extent > 0.0 ? sqrt(lowest) / (sqrt(lowest) + sqrt(extent - lowest)) : 0.0;
-	bool first = s < share;
-	Piece piece = first ? Piece(0.0, lowest, true) : Piece(lowest, extent - lowest, false);
-	share = first ? share : 1.0 - share;
-	s = first ? s / share : (s - (1.0 - share)) / share;
-	float t = piece_position(piece, s, jacobian);
-	jacobian /= share;
-	return t;
-}
-
 /* ---- paths ---- */
 
 const int MEETS_AIR = 0, MEETS_GROUND = 1, MEETS_CLOUD = 2;

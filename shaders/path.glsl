@@ -4,9 +4,9 @@
  * (relative error about 1e-4 of the optical depth).
  *
  * A path chooses at every vertex between the ground (with the band-mean transmittance to it as
- * probability) and a collision on the way, placed by density and transmittance (collision_at); the first of a group of
- * paths is stratified. Directions are sampled from the
- * mixture of the two phase functions; all bands share one path, each with its own weight.
+ * probability) and a collision on the way, placed by density and transmittance (collision_from_dense); the first of a
+ * group of paths is stratified. Directions are sampled from the mixture of the two phase functions; all bands share one
+ * path, each with its own weight.
  * Sunlight is gathered at every vertex (next-event estimation), since the sun is a point to the air.
  */
 #include "column.glsl"
@@ -162,38 +162,38 @@ vec4 scatter(inout Vertex v)
 	return L;
 }
 
-/* Where a path that goes on looks for its next collision, and the density of that choice in 1/m; s in (0,1).
- * A ray that rises throughout or meets the ground takes, for most s, the law of an exponential atmosphere of the depth and
- * extinction that are found here: density times transmittance. The rest take t ~ s² from the dense end, which bounds the weights
- * where the air is not exponential; the density is that of the mixture. On a bent ray the two sides share s by length. */
-float collision_at(Vertex v, float mu, float extent, bool down, vec3 start, float s, out float pdf)
+/* Where on a way the air is met, for s in (0,1): like the steps of the ray march, t ~ s² from its lowest point; jacobian: 1 /
+ * density of t. */
+float air_position(float h, float mu, float extent, float s, out float jacobian)
 {
-	float lowest = clamp(-(media.planet_radius + v.h) * mu, 0.0, extent), jacobian;
-	bool straight = down || lowest <= 0.0;
-	if (!straight) {
-		float share = sqrt(lowest) / (sqrt(lowest) + sqrt(extent - lowest));
-		bool falls = s < share;
-		Piece piece = falls ? Piece(0.0, lowest, true) : Piece(lowest, extent - lowest, false);
-		s = falls ? s / share : (s - share) / (1.0 - share);
-		float t = piece_position(piece, s, jacobian);
-		pdf = (falls ? share : 1.0 - share) / max(jacobian, 1e-30);
-		return t;
+	float lowest = clamp(-(media.planet_radius + h) * mu, 0.0, extent);
+	float share = extent > 0.0 ? sqrt(lowest) / (sqrt(lowest) + sqrt(extent - lowest)) : 0.0;
+	bool first = s < share;
+	Piece piece = first ? Piece(0.0, lowest, true) : Piece(lowest, extent - lowest, false);
+	share = first ? share : 1.0 - share;
+	s = first ? s / share : (s - (1.0 - share)) / share;
+	float t = piece_position(piece, s, jacobian);
+	jacobian /= share;
+	return t;
+}
+
+/* The same for a way that rises or falls throughout, by distance from its dense end. There the air has that extinction in
+ * 1/m; depth is that of all air beyond, negative where the path comes from the thin end. For most s it is the law of an
+ * exponential atmosphere, density times transmittance; for the rest t ~ s², which bounds the weights where the air is not
+ * exponential. pdf is that of the mixture. */
+float collision_from_dense(float extent, float extinction, float depth, float exponential, float s, out float pdf)
+{
+	float scale = clamp(abs(depth) / max(extinction, 1e-30), 1.0, 1e7), k = abs(depth) < 1e-3 ? 1e-3 : clamp(depth, -20.0, 20.0);
+	if (extent < 1e-3 * scale) { /* as good as uniform, and what follows would have few digits */
+		pdf = 1.0 / max(extent, 1e-30);
+		return s * extent;
 	}
-	/* the lower the sun, the more of the light comes from high up */
-	float exponential = mix(0.2, 0.8, smoothstep(0.0, 0.1, dot(v.up, frame.sun_direction.xyz)));
-	float dense = down ? max(altitude_at(v.h, mu, extent), 0.0) : v.h;
-	float depth = band_mean(optical_depth(down ? table_column(dense, -mu_at(v.h, mu, extent, dense)) : start));
-	float scale = clamp(depth / max(band_mean(optical_depth(density_at(dense))), 1e-30), 1.0, 1e7);
-	float most = 1.0 - exp(-extent / scale), k = down ? -depth : depth;
-	k = abs(k) < 1e-3 ? 1e-3 : clamp(k, -20.0, 20.0);
-	float norm = 1.0 - exp(-k * most);
-	float x = s < exponential ? -log(1.0 - s / exponential * norm) / k : 0.0;
-	float u = (s - exponential) / (1.0 - exponential);
-	float y = s < exponential ? -scale * log(max(1.0 - x, 1e-7)) : u * u * extent;
-	y = clamp(y, 1e-6 * extent, extent);
+	float norm = 1.0 - exp(-k * (1.0 - exp(-extent / scale)));
+	float x = s < exponential ? -log(1.0 - s / exponential * norm) / k : 0.0, u = (s - exponential) / (1.0 - exponential);
+	float y = clamp(s < exponential ? -scale * log(max(1.0 - x, 1e-7)) : u * u * extent, 1e-6 * extent, extent);
 	x = 1.0 - exp(-y / scale);
 	pdf = exponential * k * exp(-k * x - y / scale) / (norm * scale) + (1.0 - exponential) * 0.5 * inversesqrt(y * extent);
-	return down ? extent - y : y;
+	return y;
 }
 
 /* One vertex of a path on: L gains its radiance per band; false: the path ends here. s0 in (0,1) places the collision
@@ -204,7 +204,7 @@ bool follow_vertex(inout Vertex v, inout float s0, int order, inout vec4 L)
 	float ground = ray_ground_distance(v.h, mu);
 	bool down = ground >= 0.0;
 	float extent = down ? ground : ray_top_distance(v.h, mu);
-	vec3 start = down ? table_column(v.h, -mu) : table_column(v.h, mu);
+	vec3 start = table_column(v.h, down ? -mu : mu);
 	bool ends = down; /* on something solid, of that albedo */
 	vec4 albedo = bands.ground_albedo;
 #ifdef SCENE
@@ -217,15 +217,15 @@ bool follow_vertex(inout Vertex v, inout float s0, int order, inout vec4 L)
 	}
 #endif
 
+	float h_end = 0.0;
+	vec3 end = vec3(0.0);
 	if (ends) {
 #ifdef SCENE
-		float h_end = altitude_at(v.h, mu, extent), mu_end = mu_at(v.h, mu, extent, h_end);
-		vec3 end = table_column(h_end, down ? -mu_end : mu_end);
-		vec4 through = exp(-optical_depth(max(down ? end - start : start - end, 0.0)));
-#else
-		float mu_g = clamp(mu_at(v.h, mu, ground, 0.0), -1.0, 0.0);
-		vec4 through = exp(-optical_depth(max(table_column(0.0, -mu_g) - start, 0.0)));
+		h_end = max(altitude_at(v.h, mu, extent), 0.0);
 #endif
+		float mu_end = mu_at(v.h, mu, extent, h_end);
+		end = table_column(h_end, down ? -mu_end : mu_end);
+		vec4 through = exp(-optical_depth(max(down ? end - start : start - end, 0.0)));
 		float p = clamp(band_mean(v.beta * albedo * through) /
 					max(band_mean(v.beta), 1e-30), 0.0, 0.9);
 		if (rng_next() < p) {
@@ -243,11 +243,22 @@ bool follow_vertex(inout Vertex v, inout float s0, int order, inout vec4 L)
 		v.beta /= 1.0 - p;
 	}
 
-	float pdf, t = collision_at(v, mu, extent, down, start, s0, pdf);
+	float t, pdf;
+	if (down || mu >= 0.0) {
+		/* the lower the sun, the more of the light comes from high up */
+		float exponential = mix(0.2, 0.8, smoothstep(0.0, 0.1, dot(v.up, frame.sun_direction.xyz)));
+		float extinction = band_mean(optical_depth(density_at(down ? h_end : v.h)));
+		float depth = band_mean(optical_depth(down ? end : start));
+		t = collision_from_dense(extent, extinction, down ? -depth : depth, exponential, s0, pdf);
+		t = down ? extent - t : t;
+	} else {
+		t = air_position(v.h, mu, extent, s0, pdf);
+		pdf = 1.0 / max(pdf, 1e-30);
+	}
 	move(v, mu, t);
 	float mu_t = clamp(dot(v.up, v.d), -1.0, 1.0);
-	vec3 end = down ? table_column(v.h, -mu_t) : table_column(v.h, mu_t);
-	v.beta *= exp(-optical_depth(max(down ? end - start : start - end, 0.0))) / pdf;
+	vec3 here = table_column(v.h, down ? -mu_t : mu_t);
+	v.beta *= exp(-optical_depth(max(down ? here - start : start - here, 0.0))) / pdf;
 	L += scatter(v);
 
 	/* Russian roulette on what the path can still bring */

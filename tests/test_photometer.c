@@ -134,12 +134,42 @@ static void photometer_sees_the_limb(void **state)
 	free(without);
 }
 
+/* The ground under a camera that lies on it, which no air lies before, is the ground from a hair above. */
+static void the_camera_may_lie_on_the_ground(void **state)
+{
+	(void)state;
+	enum { N = 3 };
+	const struct welkin_radiance_layout at = welkin_radiance_layout(N, 1);
+	const double nm = 550, heights[] = { 0, 1e-3 };
+	double d[N][3], *reply[2];
+	for (int i = 0; i < N; i++)
+		direction_of(-90 + 40 * i, 30, d[i]);
+	for (int m = 0; m < welkin_method_count; m++) {
+		for (int h = 0; h < 2; h++) {
+			struct welkin_request r = request_of(WELKIN_EARTH, heights[h], 40);
+			struct welkin_result result;
+			r.atmosphere.method = m;
+			r.max_error = 0.01;
+			assert_true(lib_radiance(&renderer, &r, d, N, &nm, 1, &reply[h], &result));
+			assert_int_equal(result.nonfinite, 0);
+		}
+		for (int i = 0; i < N; i++) {
+			const double on = reply[0][at.radiance + (size_t)i], above = reply[1][at.radiance + (size_t)i];
+			if (!(fabs(on - above) <= 0.06 * above && (above > 0 || !welkin_methods[m]->physical)))
+				fail_msg("%s: %g on the ground, %g above it", welkin_methods[m]->name, on, above);
+		}
+		free(reply[0]);
+		free(reply[1]);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(radiance_does_not_depend_on_company),
 		cmocka_unit_test(photometer_sees_the_disk),
 		cmocka_unit_test(photometer_sees_the_limb),
+		cmocka_unit_test(the_camera_may_lie_on_the_ground),
 	};
 	return cmocka_run_group_tests_name("photometer", tests, start, stop);
 }
