@@ -44,7 +44,8 @@ Clouds march(vec4 d, ivec2 pixel, float t_end)
 	vec3 across = normalize(abs(d.y) < 0.7 ? vec3(-d.z, 0.0, d.x) : vec3(0.0, d.z, -d.y)), down = cross(d.xyz, across);
 	vec4 light = vec4(0.0), place = vec4(0.0);
 	float opacity = 0.0, sunlight = 0.0;
-	for (int i = 0; i < n * n; i++) {
+	int i = 0;
+	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
 		vec2 off = side * ((vec2(i % n, i / n) + 0.5) / float(n) - 0.5);
 		vec3 towards = normalize(d.xyz + across * off.x + down * off.y);
 		Clouds c = clouds_along(towards, t_end, fract(jitter + GOLDEN * float(i)), clamp(side / float(n), 5e-4, 0.01));
@@ -53,7 +54,7 @@ Clouds march(vec4 d, ivec2 pixel, float t_end)
 		place += vec4(a * c.place.x, a * (c.place.x * c.place.x + c.place.y * c.place.y), b * c.place.z, 0.0);
 		opacity += a;
 		sunlight += b;
-	}
+	} while (++i < n * n);
 	float t = place.x / opacity;
 	return Clouds(light / float(n * n), vec4(t, sqrt(max(place.y / opacity - t * t, 0.0)), place.z / sunlight, 0.0));
 }
