@@ -301,6 +301,14 @@ struct http_reply get(const char *base, const char *path)
 	return ask("GET", base, path, NULL, NULL);
 }
 
+struct http_reply fetch(const char *base, const char *path, int status)
+{
+	struct http_reply r = get(base, path);
+	if (r.status != status)
+		fail_msg("%s: status %ld, not %d: %s%.400s", path, r.status, status, r.error, r.body);
+	return r;
+}
+
 void reply_finish(struct http_reply *reply)
 {
 	free(reply->headers);

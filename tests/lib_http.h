@@ -44,6 +44,7 @@ struct http_reply {
 struct http_reply ask(
 	const char *method, const char *base, const char *path, const char *const headers[], const char *body);
 struct http_reply get(const char *base, const char *path);
+struct http_reply fetch(const char *base, const char *path, int status); /* any other status fails the test */
 void reply_finish(struct http_reply *reply);
 /* Value of the first such header in a static buffer (of this thread), or NULL. */
 const char *header_of(const struct http_reply *reply, const char *name);

@@ -80,6 +80,20 @@ int lib_render_stop(struct lib_renderer *renderer)
 	return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
+struct lib_renderer group_renderer;
+
+int group_renderer_start(void **state)
+{
+	(void)state;
+	return lib_render_start(&group_renderer, NULL) ? 0 : -1;
+}
+
+int group_renderer_stop(void **state)
+{
+	(void)state;
+	return lib_render_stop(&group_renderer);
+}
+
 bool lib_render_await(
 	struct lib_renderer *renderer, enum welkin_message_type type, int timeout_ms, struct welkin_message *message)
 {

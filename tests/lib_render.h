@@ -25,6 +25,11 @@ bool lib_render_methods(struct welkin_renderer_config *config);
 /* Closes the socket and waits for the process; returns its exit status, -1 when it was killed. */
 int lib_render_stop(struct lib_renderer *renderer);
 
+/* One for a whole group of tests, by those settings: its fixtures for cmocka. */
+extern struct lib_renderer group_renderer;
+int group_renderer_start(void **state);
+int group_renderer_stop(void **state);
+
 /* Renders and waits: *pixels as welkin_image_layout() lays them, malloc'd. false when the status is
  * not WELKIN_DONE; result is filled in whenever one came. */
 bool lib_render(struct lib_renderer *renderer, const struct welkin_request *request, void **pixels,

@@ -13,20 +13,6 @@
 
 #include <cmocka.h>
 
-static struct lib_renderer renderer;
-
-static int start(void **state)
-{
-	(void)state;
-	return lib_render_start(&renderer, NULL) ? 0 : -1;
-}
-
-static int stop(void **state)
-{
-	(void)state;
-	return lib_render_stop(&renderer);
-}
-
 static struct welkin_request request_by(const char *query, struct welkin_faults *faults)
 {
 	struct welkin_draft draft = { 0 };
@@ -51,7 +37,7 @@ static struct image image_of(const char *query)
 	const struct welkin_request r = request_by(query, &faults);
 	if (faults.n)
 		fail_msg("%s: %s", faults.list[0].field, faults.list[0].detail);
-	if (!lib_render(&renderer, &r, &pixels, &result))
+	if (!lib_render(&group_renderer, &r, &pixels, &result))
 		fail_msg("%s: %s", query, result.message);
 	assert_true(result.nonfinite == 0);
 	return (struct image){ r.image.width * r.image.height, welkin_image_layout(&r.image), pixels };
@@ -192,5 +178,5 @@ int main(void)
 		cmocka_unit_test(without_clouds_it_is_empty),
 		cmocka_unit_test(paths_have_none),
 	};
-	return cmocka_run_group_tests(tests, start, stop);
+	return cmocka_run_group_tests(tests, group_renderer_start, group_renderer_stop);
 }

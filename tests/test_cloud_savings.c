@@ -14,20 +14,6 @@
 static const char scene[] = "atmosphere.method=sky_view&clouds.preset=cumulus&camera.heading_deg=90&camera.pitch_deg=20"
 			    "&camera.fov_deg=60&sun.elevation_deg=40&sun.azimuth_deg=180";
 
-static struct lib_renderer renderer;
-
-static int start(void **state)
-{
-	(void)state;
-	return lib_render_start(&renderer, NULL) ? 0 : -1;
-}
-
-static int stop(void **state)
-{
-	(void)state;
-	return lib_render_stop(&renderer);
-}
-
 static struct cloud_frame frame_of(struct lib_renderer *from, int width, int height, const char *more)
 {
 	struct cloud_frame frame;
@@ -61,11 +47,11 @@ static void pictures(void **state)
 		{ "shared_light", 1e-4, 0.04 },
 		{ "blue_noise", 1e-3, 0.06 },
 	};
-	struct cloud_frame plain = frame_of(&renderer, 96, 54, "clouds.savings=");
+	struct cloud_frame plain = frame_of(&group_renderer, 96, 54, "clouds.savings=");
 	for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
 		char more[64];
 		snprintf(more, sizeof more, "clouds.savings=%s", known[i].savings);
-		struct cloud_frame frame = frame_of(&renderer, 96, 54, more);
+		struct cloud_frame frame = frame_of(&group_renderer, 96, 54, more);
 		const double rmse = cloud_frame_rmse(&frame, &plain);
 		print_message("%-20s %6.3f %%\n", known[i].savings, 100 * rmse);
 		if (!(rmse >= known[i].least && rmse <= known[i].most))
@@ -79,8 +65,8 @@ static void pictures(void **state)
 static void jitter_is_fair(void **state)
 {
 	(void)state;
-	struct cloud_frame plain = frame_of(&renderer, 96, 54, "clouds.savings=&clouds.steps=256");
-	struct cloud_frame noisy = frame_of(&renderer, 96, 54, "clouds.savings=blue_noise&clouds.steps=256");
+	struct cloud_frame plain = frame_of(&group_renderer, 96, 54, "clouds.savings=&clouds.steps=256");
+	struct cloud_frame noisy = frame_of(&group_renderer, 96, 54, "clouds.savings=blue_noise&clouds.steps=256");
 	const double bias = cloud_frame_bias(&noisy, &plain);
 	if (bias < -0.01 || bias > 0.01)
 		fail_msg("bias %g", bias);
@@ -94,16 +80,16 @@ static void jitter_is_fair(void **state)
 static void lattice(void **state)
 {
 	(void)state;
-	struct cloud_frame all = frame_of(&renderer, 320, 180, ALL_BUT);
-	struct cloud_frame some = frame_of(&renderer, 320, 180, ALL_BUT ",half_resolution");
+	struct cloud_frame all = frame_of(&group_renderer, 320, 180, ALL_BUT);
+	struct cloud_frame some = frame_of(&group_renderer, 320, 180, ALL_BUT ",half_resolution");
 	const double rmse = cloud_frame_rmse(&some, &all);
 	print_message("half_resolution      %6.3f %%\n", 100 * rmse);
 	if (!(rmse > 1e-4 && rmse < 0.03))
 		fail_msg("RMSE %g", rmse);
 	cloud_frame_free(&all);
 	cloud_frame_free(&some);
-	struct cloud_frame small = frame_of(&renderer, 64, 36, ALL_BUT);
-	struct cloud_frame same_small = frame_of(&renderer, 64, 36, ALL_BUT ",half_resolution");
+	struct cloud_frame small = frame_of(&group_renderer, 64, 36, ALL_BUT);
+	struct cloud_frame same_small = frame_of(&group_renderer, 64, 36, ALL_BUT ",half_resolution");
 	assert_true(same(&small, &same_small));
 	cloud_frame_free(&small);
 	cloud_frame_free(&same_small);
@@ -121,7 +107,7 @@ static void strips_do_not_show(void **state)
 		/* learns what pixels cost, so that the next is cut into few strips */
 		struct cloud_frame first = frame_of(&whole, 259, 147, sizes[i]);
 		struct cloud_frame few = frame_of(&whole, 259, 147, sizes[i]);
-		struct cloud_frame many = frame_of(&renderer, 259, 147, sizes[i]);
+		struct cloud_frame many = frame_of(&group_renderer, 259, 147, sizes[i]);
 		if (!same(&first, &few))
 			fail_msg("%s: not the same twice", sizes[i]);
 		if (!same(&few, &many))
@@ -141,5 +127,5 @@ int main(void)
 		cmocka_unit_test(lattice),
 		cmocka_unit_test(strips_do_not_show),
 	};
-	return cmocka_run_group_tests(tests, start, stop);
+	return cmocka_run_group_tests(tests, group_renderer_start, group_renderer_stop);
 }

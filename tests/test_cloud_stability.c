@@ -21,20 +21,6 @@
 	"&image.projection=equirectangular&image.width=48&image.height=24&camera.heading_deg=0&camera.pitch_deg=0"
 #define AHEAD "&image.width=40&image.height=40&camera.heading_deg=40"
 
-static struct lib_renderer renderer;
-
-static int start(void **state)
-{
-	(void)state;
-	return lib_render_start(&renderer, NULL) ? 0 : -1;
-}
-
-static int stop(void **state)
-{
-	(void)state;
-	return lib_render_stop(&renderer);
-}
-
 static double mean_of(const struct cloud_frame *frame)
 {
 	const int n = frame->width * frame->height;
@@ -66,7 +52,7 @@ __attribute__((format(printf, 1, 2))) static struct cloud_frame frame_of(const c
 	va_start(args, format);
 	vsnprintf(query, sizeof query, format, args);
 	va_end(args);
-	if (!cloud_frame_render(&renderer, query, &frame))
+	if (!cloud_frame_render(&group_renderer, query, &frame))
 		fail_msg("no picture of %s", query);
 	assert_sound(&frame, query);
 	return frame;
@@ -318,5 +304,5 @@ int main(void)
 		cmocka_unit_test(none_and_nothing_else),
 		cmocka_unit_test(densities),
 	};
-	return cmocka_run_group_tests_name("cloud_stability", tests, start, stop);
+	return cmocka_run_group_tests_name("cloud_stability", tests, group_renderer_start, group_renderer_stop);
 }

@@ -34,14 +34,6 @@ static int stop(void **state)
 	return 0;
 }
 
-static struct http_reply fetch(const char *path, int status)
-{
-	struct http_reply r = get(server->url, path);
-	if (r.status != status)
-		fail_msg("%s: status %ld, not %d: %s%.300s", path, r.status, status, r.error, r.body);
-	return r;
-}
-
 static struct http_reply post(const char *path, const char *const headers[], const char *body, int status)
 {
 	struct http_reply r = ask("POST", server->url, path, headers, body);
@@ -68,8 +60,10 @@ static void expect_same_bytes(const struct http_reply *a, const struct http_repl
 static void get_and_post_give_the_same_bytes(void **state)
 {
 	(void)state;
-	struct http_reply first = fetch("/v1/render.png?image.width=96&image.height=64&sun.elevation_deg=12.5", 200);
-	struct http_reply hit = fetch("/v1/render.png?sun.elevation_deg=12.5&image.height=64&image.width=96", 200);
+	struct http_reply first =
+		fetch(server->url, "/v1/render.png?image.width=96&image.height=64&sun.elevation_deg=12.5", 200);
+	struct http_reply hit =
+		fetch(server->url, "/v1/render.png?sun.elevation_deg=12.5&image.height=64&image.width=96", 200);
 	struct http_reply posted = post("/v1/render", json_png,
 		"{\"image\":{\"height\":64,\"width\":96},\"sun\":{\"elevation_deg\":12.5}}", 200);
 	assert_memory_equal(first.body, "\x89PNG\r\n\x1a\n", 8);
@@ -92,7 +86,7 @@ static void renders_again_to_the_same_bytes(void **state)
 	struct daemon_process *other =
 		daemon_start(false, (const char *const[]){ "--device", "software", "--cache-mib", "0", NULL });
 	static const char path[] = "/v1/render.png?image.width=96&image.height=64&sun.elevation_deg=3";
-	struct http_reply a = fetch(path, 200), b = get(other->url, path), c = get(other->url, path);
+	struct http_reply a = fetch(server->url, path, 200), b = get(other->url, path), c = get(other->url, path);
 	expect_same_bytes(&a, &b);
 	expect_same_bytes(&a, &c);
 	assert_null(strstr(header_of(&c, "Server-Timing"), "hit"));
@@ -105,7 +99,8 @@ static void renders_again_to_the_same_bytes(void **state)
 static void exr_comes_by_path_and_by_accept(void **state)
 {
 	(void)state;
-	struct http_reply a = fetch("/v1/render.exr?image.width=40&image.height=30&image.layers=depth", 200);
+	struct http_reply a =
+		fetch(server->url, "/v1/render.exr?image.width=40&image.height=30&image.layers=depth", 200);
 	struct http_reply b =
 		post("/v1/render", json_exr, "{\"image\":{\"width\":40,\"height\":30,\"layers\":[\"depth\"]}}", 200);
 	assert_memory_equal(a.body, "\x76\x2f\x31\x01", 4);
@@ -169,7 +164,7 @@ static void multipart_has_metadata_then_image(void **state)
 	(void)state;
 	struct http_reply r =
 		post("/v1/render", json_mixed, "{\"image\":{\"width\":32,\"height\":16},\"seed\":5}", 200);
-	struct http_reply image = fetch("/v1/render.png?image.width=32&image.height=16&seed=5", 200);
+	struct http_reply image = fetch(server->url, "/v1/render.png?image.width=32&image.height=16&seed=5", 200);
 	const char *at = part_of(&r, 0, &size);
 	cJSON *meta = cJSON_ParseWithLength(at, size);
 	assert_non_null(meta);
@@ -230,7 +225,7 @@ static void embedded_timings_are_never_shared(void **state)
 {
 	static const char path[] = "/v1/render.png?image.width=16&image.height=16&image.embed_timing=true";
 	(void)state;
-	struct http_reply a = fetch(path, 200), b = fetch(path, 200);
+	struct http_reply a = fetch(server->url, path, 200), b = fetch(server->url, path, 200);
 	assert_null(header_of(&a, "ETag"));
 	expect_header(&a, "Cache-Control", "no-store");
 	assert_null(strstr(header_of(&b, "Server-Timing"), "hit"));
@@ -248,7 +243,7 @@ static void timings_add_up(void **state)
 	(void)state;
 	for (size_t i = 0; i < sizeof paths / sizeof *paths; i++) {
 		double total, least;
-		struct http_reply r = fetch(paths[i], 200);
+		struct http_reply r = fetch(server->url, paths[i], 200);
 		const double sum = timing_sum(header_of(&r, "Server-Timing"), &total, &least);
 		if (!(least > 0 && fabs(sum - total) <= 0.05 * total && total <= r.seconds * 1e3 + 1))
 			fail_msg("sum %g least %g seen %g ms: %s", sum, least, r.seconds * 1e3,
@@ -262,7 +257,8 @@ static void timings_add_up(void **state)
 static void image_headers_tell_how(void **state)
 {
 	(void)state;
-	struct http_reply r = fetch("/v1/render.png?image.width=16&image.height=8&atmosphere.method=march", 200);
+	struct http_reply r =
+		fetch(server->url, "/v1/render.png?image.width=16&image.height=8&atmosphere.method=march", 200);
 	expect_header(&r, "Welkin-Method", "march");
 	expect_header(&r, "Welkin-Device", server->device);
 	expect_header(&r, "Cache-Control", "public, max-age=86400");
@@ -331,8 +327,8 @@ static void problems_list_every_fault(void **state)
 {
 	static const char *const fields[] = { "sun.elevation_deg", "image.width", "nonsense", "camera.fov_deg", NULL };
 	(void)state;
-	struct http_reply a =
-		fetch("/v1/render.png?sun.elevation_deg=91&image.width=-3&nonsense=1&camera.fov_deg=0", 422);
+	struct http_reply a = fetch(
+		server->url, "/v1/render.png?sun.elevation_deg=91&image.width=-3&nonsense=1&camera.fov_deg=0", 422);
 	struct http_reply b = post("/v1/render", json,
 		"{\"sun\":{\"elevation_deg\":91},\"image\":{\"width\":-3},\"nonsense\":1,\"camera\":{\"fov_deg\":0}}",
 		422);
@@ -340,7 +336,8 @@ static void problems_list_every_fault(void **state)
 	expect_problem(&b, 422, fields);
 	a = post("/v1/render", json, "{\"sun\":", 400);
 	expect_problem(&a, 400, NULL);
-	a = fetch("/v1/render.png?image.width=1600&image.height=1300", 422); /* over this server's pixel budget */
+	a = fetch(server->url, "/v1/render.png?image.width=1600&image.height=1300",
+		422); /* over this server's pixel budget */
 	expect_problem(&a, 422, (const char *const[]){ "image.width", NULL });
 }
 
@@ -350,13 +347,13 @@ static void wrong_paths_methods_and_types(void **state)
 	static const char *const coded[] = { "Content-Type: application/json", "Content-Encoding: gzip", NULL };
 	static const char *const charset[] = { "Content-Type: application/json; charset=utf-8", NULL };
 	(void)state;
-	struct http_reply r = fetch("/v2/render.png", 404);
+	struct http_reply r = fetch(server->url, "/v2/render.png", 404);
 	expect_problem(&r, 404, NULL);
 	r = ask("DELETE", server->url, "/v1/render.png", NULL, NULL);
 	assert_int_equal(r.status, 405);
 	expect_header(&r, "Allow", "GET, HEAD, OPTIONS");
 	expect_problem(&r, 405, NULL);
-	r = fetch("/v1/render", 405);
+	r = fetch(server->url, "/v1/render", 405);
 	expect_header(&r, "Allow", "POST, OPTIONS");
 	expect_problem(&r, 405, NULL);
 	r = post("/v1/render", text, "{}", 415);
@@ -371,7 +368,7 @@ static void wrong_paths_methods_and_types(void **state)
 	r = post("/v1/render", json, large, 413);
 	expect_problem(&r, 413, NULL);
 	snprintf(large, 3 << 20, "/v1/render.png?a=%07000d", 0);
-	r = fetch(large, 422);
+	r = fetch(server->url, large, 422);
 	expect_problem(&r, 422, NULL);
 	free(large);
 }
@@ -403,7 +400,7 @@ static void documents_are_served(void **state)
 	(void)state;
 	for (size_t i = 0; i < sizeof documents / sizeof *documents; i++) {
 		char condition[96];
-		struct http_reply r = fetch(documents[i].path, 200);
+		struct http_reply r = fetch(server->url, documents[i].path, 200);
 		expect_header(&r, "Content-Type", documents[i].type);
 		assert_true(r.size > 20);
 		if (!strcmp(documents[i].type, "application/json")) {
@@ -426,7 +423,7 @@ static void documents_are_served(void **state)
 		reply_finish(&head);
 		reply_finish(&r);
 	}
-	struct http_reply page = fetch("/", 200);
+	struct http_reply page = fetch(server->url, "/", 200);
 	assert_non_null(strstr(header_of(&page, "Content-Security-Policy"), "default-src 'self'"));
 	reply_finish(&page);
 }
@@ -434,7 +431,7 @@ static void documents_are_served(void **state)
 static void methods_tell_fields_and_domain(void **state)
 {
 	(void)state;
-	struct http_reply r = fetch("/v1/methods", 200);
+	struct http_reply r = fetch(server->url, "/v1/methods", 200);
 	cJSON *root = cJSON_Parse(r.body), *method;
 	cJSON *methods = cJSON_GetObjectItem(root, "methods");
 	assert_true(cJSON_GetArraySize(methods) >= 4);
@@ -460,7 +457,8 @@ static void outside_a_domain_another_method_is_named(void **state)
 {
 	(void)state;
 	/* Preetham's formula goes wrong below a turbidity of about 2 (its page in /v1/methods says where). */
-	struct http_reply r = fetch("/v1/render.png?atmosphere.method=preetham&atmosphere.turbidity=1.1", 422);
+	struct http_reply r =
+		fetch(server->url, "/v1/render.png?atmosphere.method=preetham&atmosphere.turbidity=1.1", 422);
 	assert_non_null(strstr(r.body, "can do it"));
 	expect_problem(&r, 422, (const char *const[]){ "atmosphere.turbidity", NULL });
 }

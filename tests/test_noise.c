@@ -76,14 +76,6 @@ static int stop(void **state)
 	return 0;
 }
 
-static struct http_reply fetch(const char *path, int status)
-{
-	struct http_reply r = get(server->url, path);
-	if (r.status != status)
-		fail_msg("%s: status %ld, not %d: %s%.300s", path, r.status, status, r.error, r.body);
-	return r;
-}
-
 struct picture {
 	int side, channels;
 	unsigned char *rgba;
@@ -91,7 +83,7 @@ struct picture {
 
 static struct picture picture_of(const char *path)
 {
-	struct http_reply r = fetch(path, 200);
+	struct http_reply r = fetch(server->url, path, 200);
 	png_image image = { .version = PNG_IMAGE_VERSION };
 	assert_string_equal(header_of(&r, "Content-Type"), "image/png");
 	assert_true(png_image_begin_read_from_memory(&image, r.body, r.size));
@@ -193,7 +185,7 @@ static void the_seed_decides(void **state)
 		"/v1/noise/weather.png?seed=4&clouds.preset=stratocumulus", "/v1/noise/base.png?slice=7&seed=4" };
 	struct daemon_process *other = daemon_start(false, (const char *const[]){ "--device", "software", NULL });
 	for (size_t i = 0; i < sizeof paths / sizeof paths[0]; i++) {
-		struct http_reply a = fetch(paths[i], 200), b = get(other->url, paths[i]);
+		struct http_reply a = fetch(server->url, paths[i], 200), b = get(other->url, paths[i]);
 		assert_int_equal(a.size, b.size);
 		assert_memory_equal(a.body, b.body, a.size);
 		reply_finish(&a);
@@ -231,8 +223,8 @@ static void fields_decide(void **state)
 static void tags_and_methods(void **state)
 {
 	(void)state;
-	struct http_reply a = fetch("/v1/noise/detail.png?slice=3", 200),
-			  b = fetch("/v1/noise/detail.png?slice=4", 200);
+	struct http_reply a = fetch(server->url, "/v1/noise/detail.png?slice=3", 200),
+			  b = fetch(server->url, "/v1/noise/detail.png?slice=4", 200);
 	char tag[64], match[96];
 	snprintf(tag, sizeof tag, "%s", header_of(&a, "ETag"));
 	assert_string_not_equal(tag, header_of(&b, "ETag"));
@@ -282,7 +274,7 @@ static void faults_are_named(void **state)
 		{ "/v1/noise", 404, "" },
 	};
 	for (size_t i = 0; i < sizeof faults / sizeof faults[0]; i++) {
-		struct http_reply r = fetch(faults[i].path, faults[i].status);
+		struct http_reply r = fetch(server->url, faults[i].path, faults[i].status);
 		assert_string_equal(header_of(&r, "Content-Type"), "application/problem+json");
 		if (!strstr(r.body, faults[i].says))
 			fail_msg("%s: no \"%s\" in %s", faults[i].path, faults[i].says, r.body);

@@ -12,20 +12,6 @@
 
 #include <cmocka.h>
 
-static struct lib_renderer renderer;
-
-static int start(void **state)
-{
-	(void)state;
-	return lib_render_start(&renderer, NULL) ? 0 : -1;
-}
-
-static int stop(void **state)
-{
-	(void)state;
-	return lib_render_stop(&renderer);
-}
-
 static struct welkin_request march_request(void)
 {
 	struct welkin_request r = request_of(WELKIN_EARTH, 100, 10);
@@ -51,12 +37,12 @@ static void radiance_does_not_depend_on_company(void **state)
 	for (int i = 0; i < WAVELENGTHS; i++)
 		wavelengths[i] = 800 - 50 * i;
 	assert_true(lib_radiance(
-		&renderer, &r, (const double(*)[3])directions, MANY, wavelengths, WAVELENGTHS, &all, &result));
+		&group_renderer, &r, (const double(*)[3])directions, MANY, wavelengths, WAVELENGTHS, &all, &result));
 	assert_true(result.bands == WAVELENGTHS && result.nonfinite == 0);
 	for (int i = 7; i < MANY; i += 499) {
 		const int w = i % WAVELENGTHS;
-		assert_true(lib_radiance(
-			&renderer, &r, (const double(*)[3])directions + i, 1, wavelengths + w, 1, &single, &result));
+		assert_true(lib_radiance(&group_renderer, &r, (const double(*)[3])directions + i, 1, wavelengths + w, 1,
+			&single, &result));
 		const size_t k = (size_t)i * WAVELENGTHS + (size_t)w;
 		assert_true(all[at.radiance + k] > 0);
 		assert_true(fabs(all[at.radiance + k] - single[one.radiance]) <= 1e-6 * single[one.radiance]);
@@ -80,9 +66,9 @@ static void photometer_sees_the_disk(void **state)
 	direction_of(r.sun.elevation_deg + 0.99 * radius, r.sun.azimuth_deg, directions[1]);
 	direction_of(r.sun.elevation_deg + 1.01 * radius, r.sun.azimuth_deg, directions[2]);
 	r.sun.spectrum = WELKIN_SUN_FLAT;
-	assert_true(lib_radiance(&renderer, &r, (const double(*)[3])directions, 3, &nm, 1, &with, &result));
+	assert_true(lib_radiance(&group_renderer, &r, (const double(*)[3])directions, 3, &nm, 1, &with, &result));
 	r.sun.disk = 0;
-	assert_true(lib_radiance(&renderer, &r, (const double(*)[3])directions, 3, &nm, 1, &without, &result));
+	assert_true(lib_radiance(&group_renderer, &r, (const double(*)[3])directions, 3, &nm, 1, &without, &result));
 	const double omega = 2 * M_PI * (1 - cos(radius * M_PI / 180));
 	for (int i = 0; i < 3; i++) {
 		const double more = with[at.radiance + (size_t)i] - without[at.radiance + (size_t)i];
@@ -112,9 +98,9 @@ static void photometer_sees_the_limb(void **state)
 	}
 	r.sun.spectrum = WELKIN_SUN_FLAT;
 	r.sun.limb_darkening = 1;
-	assert_true(lib_radiance(&renderer, &r, (const double(*)[3])directions, RINGS, nm, 3, &with, &result));
+	assert_true(lib_radiance(&group_renderer, &r, (const double(*)[3])directions, RINGS, nm, 3, &with, &result));
 	r.sun.disk = 0;
-	assert_true(lib_radiance(&renderer, &r, (const double(*)[3])directions, RINGS, nm, 3, &without, &result));
+	assert_true(lib_radiance(&group_renderer, &r, (const double(*)[3])directions, RINGS, nm, 3, &without, &result));
 	for (int w = 0; w < 3; w++) {
 		double sum = 0;
 		for (int i = 0; i < RINGS; i++) {
@@ -150,7 +136,7 @@ static void the_camera_may_lie_on_the_ground(void **state)
 			struct welkin_result result;
 			r.atmosphere.method = m;
 			r.max_error = 0.01;
-			assert_true(lib_radiance(&renderer, &r, d, N, &nm, 1, &reply[h], &result));
+			assert_true(lib_radiance(&group_renderer, &r, d, N, &nm, 1, &reply[h], &result));
 			assert_int_equal(result.nonfinite, 0);
 		}
 		for (int i = 0; i < N; i++) {
@@ -171,5 +157,5 @@ int main(void)
 		cmocka_unit_test(photometer_sees_the_limb),
 		cmocka_unit_test(the_camera_may_lie_on_the_ground),
 	};
-	return cmocka_run_group_tests_name("photometer", tests, start, stop);
+	return cmocka_run_group_tests_name("photometer", tests, group_renderer_start, group_renderer_stop);
 }

@@ -14,20 +14,6 @@
 
 #include <cmocka.h>
 
-static struct lib_renderer renderer;
-
-static int start(void **state)
-{
-	(void)state;
-	return lib_render_start(&renderer, NULL) ? 0 : -1;
-}
-
-static int stop(void **state)
-{
-	(void)state;
-	return lib_render_stop(&renderer);
-}
-
 static int method_named(const char *name)
 {
 	for (int i = 0; i < welkin_method_count; i++)
@@ -207,7 +193,7 @@ static void the_reply_says_what_ran(void **state)
 	r.exposure_mode = WELKIN_EXPOSURE_EV;
 	r.atmosphere.planet_radius_m = 6361e3;
 	for (int again = 0; again < 2; again++) {
-		assert_true(lib_render(&renderer, &r, &pixels, &result));
+		assert_true(lib_render(&group_renderer, &r, &pixels, &result));
 		free(pixels);
 		assert_int_equal(entry(result.plan, result.n_plan, "table-optical_depth")->ran, !again);
 		assert_int_equal(entry(result.plan, result.n_plan, "sun-disk")->ran, 0);
@@ -231,5 +217,5 @@ int main(void)
 		cmocka_unit_test(nothing_visible_is_left_out),
 		cmocka_unit_test(the_reply_says_what_ran),
 	};
-	return cmocka_run_group_tests_name("planner", tests, start, stop);
+	return cmocka_run_group_tests_name("planner", tests, group_renderer_start, group_renderer_stop);
 }

@@ -23,20 +23,6 @@
 
 #include <cmocka.h>
 
-static struct lib_renderer renderer;
-
-static int start(void **state)
-{
-	(void)state;
-	return lib_render_start(&renderer, NULL) ? 0 : -1;
-}
-
-static int stop(void **state)
-{
-	(void)state;
-	return lib_render_stop(&renderer);
-}
-
 static int method_named(const char *name)
 {
 	for (int i = 0; i < welkin_method_count; i++)
@@ -179,7 +165,7 @@ static void layers_tell_the_truth(void **state)
 	for (int up = 0; up < 2; up++) {
 		void *data;
 		r.image.cube_face = up ? WELKIN_UP : WELKIN_DOWN;
-		a_picture(&renderer, &r, &data);
+		a_picture(&group_renderer, &r, &data);
 		const unsigned char *bytes = data;
 		const float *main = (const float *)(const void *)bytes + 4 * center;
 		const float *in = (const float *)(const void *)(bytes + at.inscatter) + 3 * center;
@@ -224,7 +210,7 @@ static void the_horizon_is_smooth(void **state)
 		r.camera.pitch_deg = above[k % 3] * pixel - dip;
 		r.exposure_mode = WELKIN_EXPOSURE_EV;
 		void *data;
-		a_picture(&renderer, &r, &data);
+		a_picture(&group_renderer, &r, &data);
 		const float *middle = (const float *)data + (size_t)4 * N * (N / 2) + 4 * (N / 2);
 		for (int c = 0; c < 3; c++) {
 			const double sky = (double)middle[c - 4 * N], ground = (double)middle[c + 4 * N];
@@ -249,21 +235,21 @@ static void a_probe_overtakes(void **state)
 	(void)state;
 	const struct welkin_request probe = request("gradient", 64, 32);
 	void *pixels;
-	a_picture(&renderer, &probe, &pixels); /* compiles what it needs */
+	a_picture(&group_renderer, &probe, &pixels); /* compiles what it needs */
 	free(pixels);
-	const uint64_t big = submit(&renderer, long_job());
+	const uint64_t big = submit(&group_renderer, long_job());
 	usleep(100000);
 	double worst = 0;
 	for (int i = 0; i < 20; i++) {
 		const double begun = clock_ms();
-		a_picture(&renderer, &probe, &pixels); /* fails if the big frame's result comes first */
+		a_picture(&group_renderer, &probe, &pixels); /* fails if the big frame's result comes first */
 		free(pixels);
 		worst = fmax(worst, clock_ms() - begun);
 	}
 	print_message("slowest probe beside an 8K frame: %.1f ms\n", worst);
 	assert_true(worst < 2000); /* alone, the big frame takes many seconds */
-	assert_true(lib_render_tell(&renderer, WELKIN_MSG_CANCEL, big));
-	const struct welkin_result result = await_result(&renderer);
+	assert_true(lib_render_tell(&group_renderer, WELKIN_MSG_CANCEL, big));
+	const struct welkin_result result = await_result(&group_renderer);
 	assert_true(result.id == big && result.status == WELKIN_CANCELLED);
 }
 
@@ -272,34 +258,34 @@ static void nobody_starves(void **state)
 {
 	(void)state;
 	const struct welkin_request longer = request("gradient", 3072, 1536), probe = request("gradient", 64, 32);
-	const uint64_t id = submit(&renderer, job_of(&longer));
+	const uint64_t id = submit(&group_renderer, job_of(&longer));
 	for (int i = 0; i < 4; i++)
-		submit(&renderer, job_of(&probe));
+		submit(&group_renderer, job_of(&probe));
 	bool done = false;
 	int probes = 0;
 	for (; !done && probes < 5000; probes++) {
-		const struct welkin_result result = await_result(&renderer);
+		const struct welkin_result result = await_result(&group_renderer);
 		assert_int_equal(result.status, WELKIN_DONE);
 		done = result.id == id;
 		if (!done)
-			submit(&renderer, job_of(&probe));
+			submit(&group_renderer, job_of(&probe));
 	}
 	assert_true(done);
 	for (int i = 0; i < 4; i++)
-		await_result(&renderer);
+		await_result(&group_renderer);
 }
 
 static void cancelled(void **state)
 {
 	(void)state;
-	const uint64_t first = submit(&renderer, long_job()), second = submit(&renderer, long_job());
+	const uint64_t first = submit(&group_renderer, long_job()), second = submit(&group_renderer, long_job());
 	const double begun = clock_ms();
-	assert_true(lib_render_tell(&renderer, WELKIN_MSG_CANCEL, second));
-	assert_true(lib_render_tell(&renderer, WELKIN_MSG_CANCEL, 123456789)); /* nobody's */
-	assert_true(lib_render_tell(&renderer, WELKIN_MSG_CANCEL, first));
-	struct welkin_result result = await_result(&renderer);
+	assert_true(lib_render_tell(&group_renderer, WELKIN_MSG_CANCEL, second));
+	assert_true(lib_render_tell(&group_renderer, WELKIN_MSG_CANCEL, 123456789)); /* nobody's */
+	assert_true(lib_render_tell(&group_renderer, WELKIN_MSG_CANCEL, first));
+	struct welkin_result result = await_result(&group_renderer);
 	assert_true(result.id == second && result.status == WELKIN_CANCELLED);
-	result = await_result(&renderer);
+	result = await_result(&group_renderer);
 	assert_true(result.id == first && result.status == WELKIN_CANCELLED);
 	assert_true(clock_ms() - begun < 3000);
 }
@@ -310,14 +296,14 @@ static void timed_out(void **state)
 	struct welkin_job job = long_job();
 	const double begun = clock_ms();
 	job.deadline_us = clock_us() + 100000;
-	submit(&renderer, job);
-	struct welkin_result result = await_result(&renderer);
+	submit(&group_renderer, job);
+	struct welkin_result result = await_result(&group_renderer);
 	const double took = clock_ms() - begun;
 	assert_int_equal(result.status, WELKIN_TIMED_OUT);
 	assert_true(took > 90 && took < 3000);
 	job.deadline_us = 1; /* long ago */
-	submit(&renderer, job);
-	result = await_result(&renderer);
+	submit(&group_renderer, job);
+	result = await_result(&group_renderer);
 	assert_int_equal(result.status, WELKIN_TIMED_OUT);
 	assert_int_equal(result.n_passes, 0);
 }
@@ -326,25 +312,25 @@ static void timed_out(void **state)
 static void signs_of_life(void **state)
 {
 	(void)state;
-	const uint64_t id = submit(&renderer, long_job());
+	const uint64_t id = submit(&group_renderer, long_job());
 	struct welkin_message message;
 	double last = clock_ms(), worst = 0;
 	for (int i = 0; i < 8; i++) {
-		assert_true(lib_render_await(&renderer, WELKIN_MSG_PONG, 5000, &message));
+		assert_true(lib_render_await(&group_renderer, WELKIN_MSG_PONG, 5000, &message));
 		worst = fmax(worst, clock_ms() - last);
 		last = clock_ms();
 	}
 	assert_true(worst < 2000);
-	assert_true(lib_render_tell(&renderer, WELKIN_MSG_PING, 4711));
+	assert_true(lib_render_tell(&group_renderer, WELKIN_MSG_PING, 4711));
 	do
-		assert_true(lib_render_await(&renderer, WELKIN_MSG_PONG, 1000, &message));
+		assert_true(lib_render_await(&group_renderer, WELKIN_MSG_PONG, 1000, &message));
 	while (message.id == 0);
 	assert_true(message.id == 4711);
-	assert_true(lib_render_tell(&renderer, WELKIN_MSG_CANCEL, id));
-	assert_int_equal(await_result(&renderer).status, WELKIN_CANCELLED);
-	assert_true(lib_render_tell(&renderer, WELKIN_MSG_PING, 4712)); /* idle */
+	assert_true(lib_render_tell(&group_renderer, WELKIN_MSG_CANCEL, id));
+	assert_int_equal(await_result(&group_renderer).status, WELKIN_CANCELLED);
+	assert_true(lib_render_tell(&group_renderer, WELKIN_MSG_PING, 4712)); /* idle */
 	do
-		assert_true(lib_render_await(&renderer, WELKIN_MSG_PONG, 1000, &message));
+		assert_true(lib_render_await(&group_renderer, WELKIN_MSG_PONG, 1000, &message));
 	while (message.id == 0);
 	assert_true(message.id == 4712);
 }
@@ -357,9 +343,9 @@ static void expect_refusal(const struct welkin_job *job, int fd, const char *why
 	memset(&message, 0, sizeof message);
 	message.type = WELKIN_MSG_JOB;
 	message.job = *job;
-	message.job.id = message.id = ++renderer.next_id;
-	assert_true(welkin_send(renderer.fd, &message, fd, NULL));
-	const struct welkin_result result = await_result(&renderer);
+	message.job.id = message.id = ++group_renderer.next_id;
+	assert_true(welkin_send(group_renderer.fd, &message, fd, NULL));
+	const struct welkin_result result = await_result(&group_renderer);
 	assert_true(result.id == message.id);
 	if (result.status != WELKIN_FAILED || !strstr(result.message, why))
 		fail_msg("status %d, \"%s\" without \"%s\"", result.status, result.message, why);
@@ -416,7 +402,7 @@ static void bad_jobs(void **state)
 	close(fit);
 	close(zero);
 	void *pixels;
-	a_picture(&renderer, &r, &pixels); /* and still it works */
+	a_picture(&group_renderer, &r, &pixels); /* and still it works */
 	free(pixels);
 }
 
@@ -437,9 +423,9 @@ static void seals(void **state)
 	memset(&message, 0, sizeof message);
 	message.type = WELKIN_MSG_JOB;
 	message.job = job;
-	message.job.id = message.id = ++renderer.next_id;
-	assert_true(welkin_send(renderer.fd, &message, memfd, NULL));
-	assert_int_equal(await_result(&renderer).status, WELKIN_DONE);
+	message.job.id = message.id = ++group_renderer.next_id;
+	assert_true(welkin_send(group_renderer.fd, &message, memfd, NULL));
+	assert_int_equal(await_result(&group_renderer).status, WELKIN_DONE);
 	close(memfd);
 	memfd = sealed_memory(F_SEAL_SHRINK | F_SEAL_WRITE);
 	expect_refusal(&job, memfd, "can't be mapped");
@@ -458,13 +444,13 @@ static void nonsense_numbers(void **state)
 		r.sun.elevation_deg = r.sun.angular_radius_deg = r.sun.intensity = nonsense[i];
 		r.atmosphere.planet_radius_m = r.atmosphere.top_m = r.atmosphere.aerosol_g = nonsense[i];
 		r.ground_albedo[0] = r.exposure_compensation = nonsense[i];
-		submit(&renderer, job_of(&r));
-		const struct welkin_result result = await_result(&renderer);
+		submit(&group_renderer, job_of(&r));
+		const struct welkin_result result = await_result(&group_renderer);
 		assert_true(result.status == WELKIN_DONE || result.status == WELKIN_FAILED);
 	}
 	const struct welkin_request r = request("gradient", 64, 32);
 	void *pixels;
-	a_picture(&renderer, &r, &pixels);
+	a_picture(&group_renderer, &r, &pixels);
 	free(pixels);
 }
 
@@ -582,7 +568,8 @@ static void devices_are_listed(void **state)
 		_exit(list_devices());
 	assert_int_equal(waitpid(pid, &status, 0), pid);
 	assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
-	assert_true(renderer.device.software && renderer.device.startup_ms > 0 && renderer.device.name[0]);
+	assert_true(group_renderer.device.software && group_renderer.device.startup_ms > 0 &&
+		    group_renderer.device.name[0]);
 }
 
 int main(void)
@@ -606,5 +593,5 @@ int main(void)
 		cmocka_unit_test(it_says_why_it_does_not_start),
 		cmocka_unit_test(devices_are_listed),
 	};
-	return cmocka_run_group_tests_name("renderer", tests, start, stop);
+	return cmocka_run_group_tests_name("renderer", tests, group_renderer_start, group_renderer_stop);
 }

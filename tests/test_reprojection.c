@@ -12,20 +12,7 @@
 
 #include <cmocka.h>
 
-static struct lib_renderer renderer;
 static int sequences; /* so many have been rendered: each has a number of its own */
-
-static int start(void **state)
-{
-	(void)state;
-	return lib_render_start(&renderer, NULL) ? 0 : -1;
-}
-
-static int stop(void **state)
-{
-	(void)state;
-	return lib_render_stop(&renderer);
-}
 
 /* What frames differ in. */
 struct shot {
@@ -46,7 +33,7 @@ static struct cloud_frame render_with(const struct shot *s, const char *more, in
 		"&clouds.time_s=%.9g&sun.elevation_deg=%.9g%s%s",
 		s->width, s->height, s->heading_deg, s->pitch_deg, s->fov_deg, s->east_m, s->altitude_m, s->time_s,
 		s->sun_deg, s->more, more);
-	if (!cloud_frame_render_in(&renderer, query, sequence, number, &frame))
+	if (!cloud_frame_render_in(&group_renderer, query, sequence, number, &frame))
 		fail_msg("no picture");
 	return frame;
 }
@@ -245,5 +232,5 @@ int main(void)
 		cmocka_unit_test(lost_frames_are_cuts),
 		cmocka_unit_test(ghosts_are_bounded),
 	};
-	return cmocka_run_group_tests(tests, start, stop);
+	return cmocka_run_group_tests(tests, group_renderer_start, group_renderer_stop);
 }

@@ -23,20 +23,6 @@ enum { REQUESTS = 10000 };
 #endif
 enum { WIDTH = 16, HEIGHT = 8, RADIANCES = 500 };
 
-static struct lib_renderer renderer;
-
-static int start(void **state)
-{
-	(void)state;
-	return lib_render_start(&renderer, NULL) ? 0 : -1;
-}
-
-static int stop(void **state)
-{
-	(void)state;
-	return lib_render_stop(&renderer);
-}
-
 /* Small, with few steps (a random march of 1000 × 1000 steps would take the day), and within the
  * domain of its method, outside of which the server does not let it in. */
 static void tame(struct welkin_request *r)
@@ -178,7 +164,7 @@ static void images(void **state)
 		void *pixels;
 		double bad = 0;
 		random_resolved(&random, i & 1 ? WELKIN_EXR : WELKIN_PNG, &request);
-		if (!lib_render(&renderer, &request, &pixels, &result))
+		if (!lib_render(&group_renderer, &request, &pixels, &result))
 			explain(&request, i, "failed", 0);
 		if (result.nonfinite != 0)
 			explain(&request, i, "not finite", (double)result.nonfinite);
@@ -219,7 +205,7 @@ static void radiances(void **state)
 			directions[k][1] = y;
 			directions[k][2] = sqrt(1 - y * y) * sin(a);
 		}
-		if (!lib_radiance(&renderer, &request, (const double(*)[3])directions, DIRECTIONS, wavelengths,
+		if (!lib_radiance(&group_renderer, &request, (const double(*)[3])directions, DIRECTIONS, wavelengths,
 			    WAVELENGTHS, &reply, &result))
 			explain(&request, i, "radiance failed", 0);
 		if (result.nonfinite != 0)
@@ -248,5 +234,5 @@ int main(void)
 		cmocka_unit_test(images),
 		cmocka_unit_test(radiances),
 	};
-	return cmocka_run_group_tests_name("sweep", tests, start, stop);
+	return cmocka_run_group_tests_name("sweep", tests, group_renderer_start, group_renderer_stop);
 }

@@ -71,14 +71,6 @@ static int stop(void **state)
 	return 0;
 }
 
-static struct http_reply fetch(const char *path, int status)
-{
-	struct http_reply r = get(server->url, path);
-	if (r.status != status)
-		fail_msg("%s: status %ld, not %d: %s%.400s", path, r.status, status, r.error, r.body);
-	return r;
-}
-
 struct picture {
 	int n;
 	unsigned char *rgb;
@@ -86,7 +78,7 @@ struct picture {
 
 static struct picture picture_of(const char *path)
 {
-	struct http_reply r = fetch(path, 200);
+	struct http_reply r = fetch(server->url, path, 200);
 	png_image image = { .version = PNG_IMAGE_VERSION };
 	assert_true(png_image_begin_read_from_memory(&image, r.body, r.size));
 	image.format = PNG_FORMAT_RGB;
@@ -199,12 +191,12 @@ static void faults_are_named(void **state)
 	for (size_t i = 0; i < sizeof faults / sizeof faults[0]; i++) {
 		char path[512];
 		snprintf(path, sizeof path, "%s%s", PATH_OF(""), faults[i].more);
-		struct http_reply r = fetch(path, 422);
+		struct http_reply r = fetch(server->url, path, 422);
 		if (!strstr(r.body, faults[i].says))
 			fail_msg("%s: no \"%s\" in %s", faults[i].more, faults[i].says, r.body);
 		reply_finish(&r);
 	}
-	struct http_reply r = fetch("/v1/noise/weather.png?clouds.weather.map=scene", 422);
+	struct http_reply r = fetch(server->url, "/v1/noise/weather.png?clouds.weather.map=scene", 422);
 	reply_finish(&r);
 }
 
@@ -212,7 +204,7 @@ static void faults_are_named(void **state)
 static void with_a_mesh(void **state)
 {
 	(void)state;
-	struct http_reply r = fetch("/v1/scenes", 200);
+	struct http_reply r = fetch(server->url, "/v1/scenes", 200);
 	cJSON *json = cJSON_Parse(r.body), *scene;
 	int found = 0;
 	cJSON_ArrayForEach(scene, cJSON_GetObjectItem(json, "scenes"))
@@ -229,7 +221,7 @@ static void with_a_mesh(void **state)
 	assert_int_equal(found, 3);
 	cJSON_Delete(json);
 	reply_finish(&r);
-	struct http_reply image = fetch(PATH_OF("&clouds.weather.map=scene&scene.name=square"), 200);
+	struct http_reply image = fetch(server->url, PATH_OF("&clouds.weather.map=scene&scene.name=square"), 200);
 	assert_non_null(strstr(header_of(&image, "Welkin-Plan"), "painted"));
 	reply_finish(&image);
 }
