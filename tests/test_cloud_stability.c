@@ -58,15 +58,9 @@ __attribute__((format(printf, 1, 2))) static struct cloud_frame frame_of(const c
 	return frame;
 }
 
-__attribute__((format(printf, 1, 2))) static double mean_frame(const char *format, ...)
+/* Its mean; the frame ends. */
+static double take_mean(struct cloud_frame frame)
 {
-	struct cloud_frame frame;
-	char query[1024];
-	va_list args;
-	va_start(args, format);
-	vsnprintf(query, sizeof query, format, args);
-	va_end(args);
-	frame = frame_of("%s", query);
 	const double mean = mean_of(&frame);
 	cloud_frame_free(&frame);
 	return mean;
@@ -86,9 +80,9 @@ static void bounds_of_the_layer(void **state)
 	for (size_t i = 0; i < sizeof bounds_m / sizeof bounds_m[0]; i++) {
 		double mean[3];
 		for (int k = 0; k < 3; k++)
-			mean[k] = mean_frame(SKY ALL_ROUND
+			mean[k] = take_mean(frame_of(SKY ALL_ROUND
 				"&clouds.high.coverage=0.4&sun.elevation_deg=35&camera.altitude_m=%g",
-				bounds_m[i] + k - 1);
+				bounds_m[i] + k - 1));
 		print_message("at %g m - 1, 0, + 1: %.5g, %.5g, %.5g\n", bounds_m[i], mean[0], mean[1], mean[2]);
 		assert_true(fabs(mean[1] / mean[0] - 1) < change[i] && fabs(mean[2] / mean[0] - 1) < change[i]);
 	}
@@ -120,9 +114,9 @@ static void directions(void **state)
 	static const double pitches_deg[] = { 90, 89.99, 0.02, 0, -0.02, -90 }, altitudes_m[] = { 0, 2000, 4e5 };
 	for (size_t i = 0; i < sizeof altitudes_m / sizeof altitudes_m[0]; i++)
 		for (size_t k = 0; k < sizeof pitches_deg / sizeof pitches_deg[0]; k++)
-			mean_frame(SKY AHEAD
+			take_mean(frame_of(SKY AHEAD
 				"&camera.fov_deg=2&sun.elevation_deg=90&camera.altitude_m=%g&camera.pitch_deg=%g",
-				altitudes_m[i], pitches_deg[k]);
+				altitudes_m[i], pitches_deg[k]));
 }
 
 /* Brighter as the sun rises, without a jump as it crosses the horizon. */
@@ -132,7 +126,7 @@ static void low_sun(void **state)
 	static const double elevations_deg[] = { -6, -3, -1, -0.01, 0.01, 1, 3, 6 };
 	double before = 0;
 	for (size_t i = 0; i < sizeof elevations_deg / sizeof elevations_deg[0]; i++) {
-		const double mean = mean_frame(SKY ALL_ROUND "&sun.elevation_deg=%g", elevations_deg[i]);
+		const double mean = take_mean(frame_of(SKY ALL_ROUND "&sun.elevation_deg=%g", elevations_deg[i]));
 		print_message("sun at %g deg: %.4g\n", elevations_deg[i], mean);
 		assert_true(mean > 0.98 * before && (elevations_deg[i] != 0.01 || mean < 1.1 * before));
 		before = mean;
@@ -146,18 +140,19 @@ static void far_away(void **state)
 	static const double R = 6360e3, across_m[] = { 1e5, 1e6, -3e6 };
 	for (size_t i = 0; i < sizeof across_m / sizeof across_m[0]; i++) {
 		const double x = across_m[i], y = sqrt(R * R - x * x) - R + 10;
-		const double with = mean_frame(SKY ALL_ROUND "&sun.elevation_deg=60&atmosphere.planet_radius_m=%.17g"
-							     "&camera.position_m=%.17g,%.17g,0",
-			R, x, y);
-		const double without = mean_frame(SKY ALL_ROUND
+		const double with =
+			take_mean(frame_of(SKY ALL_ROUND "&sun.elevation_deg=60&atmosphere.planet_radius_m=%.17g"
+							 "&camera.position_m=%.17g,%.17g,0",
+				R, x, y));
+		const double without = take_mean(frame_of(SKY ALL_ROUND
 			"&clouds.coverage=0&sun.elevation_deg=60&atmosphere.planet_radius_m=%.17g"
 			"&camera.position_m=%.17g,%.17g,0",
-			R, x, y);
+			R, x, y));
 		print_message("%g m off: %.5g, without clouds %.5g\n", x, with, without);
 		assert_true(fabs(with / without - 1) > 0.01);
 	}
-	mean_frame(SKY ALL_ROUND "&sun.elevation_deg=60&camera.position_m=1e7,1e6,-1e7");
-	mean_frame(SKY ALL_ROUND "&sun.elevation_deg=60&camera.position_m=1e8,0,0");
+	take_mean(frame_of(SKY ALL_ROUND "&sun.elevation_deg=60&camera.position_m=1e7,1e6,-1e7"));
+	take_mean(frame_of(SKY ALL_ROUND "&sun.elevation_deg=60&camera.position_m=1e8,0,0"));
 }
 
 static void none_and_nothing_else(void **state)
@@ -190,8 +185,8 @@ static void densities(void **state)
 		"clouds.bottom_m=50&clouds.top_m=60", "clouds.bottom_m=50&clouds.top_m=6e4&clouds.coverage=1",
 		"clouds.lighting=artistic&clouds.liquid_water_g_m3=10&clouds.droplet_radius_um=1" };
 	for (size_t i = 0; i < sizeof extremes / sizeof extremes[0]; i++)
-		print_message(
-			"%s: %.5g\n", extremes[i], mean_frame(SKY ALL_ROUND "&sun.elevation_deg=50&%s", extremes[i]));
+		print_message("%s: %.5g\n", extremes[i],
+			take_mean(frame_of(SKY ALL_ROUND "&sun.elevation_deg=50&%s", extremes[i])));
 	cloud_frame_free(&clear);
 	cloud_frame_free(&dry);
 }
@@ -212,7 +207,7 @@ static void steps(void **state)
 		assert_true(rmse < before);
 		before = rmse;
 		cloud_frame_free(&frame);
-		mean_frame("%s&clouds.steps=%d", scene, counts[i]);
+		take_mean(frame_of("%s&clouds.steps=%d", scene, counts[i]));
 	}
 	assert_true(before < 0.02);
 	cloud_frame_free(&most);
