@@ -288,7 +288,7 @@ static int begin_raw(const struct daemon_process *d, const char *body)
 	char text[4096];
 	const int fd = raw_connect(d->port);
 	snprintf(text, sizeof text,
-		"POST /v1/sequences HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
+		"POST /v1/sequences HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Type: application/json\r\n"
 		"Accept: multipart/mixed, image/x-exr;q=0.5, image/png;q=0.4\r\nContent-Length: %zu\r\n\r\n%s",
 		strlen(body), body);
 	raw_send(fd, text);
@@ -470,15 +470,16 @@ static void frames_go_by_those_before_them(void **state)
 	render_to(folder, text);
 	struct daemon_process *d = daemon_start(false, (const char *const[]){ "--device", "software", NULL });
 	struct part parts[4], alone[2];
-	bool ended;
+	bool ended, closed = false;
 	struct http_reply before = get(d->url,
 		"/v1/render.png?image.width=256&image.height=144&atmosphere.method=sky_view&clouds.preset=cumulus"
 		"&clouds.reprojection=true&camera.pitch_deg=20&camera.heading_deg=94");
 	assert_int_equal(before.status, 200);
 	const int fd = begin_raw(d, text);
 	struct http_reply r = post(d, text, 200);
-	free(raw_read(fd, 60, NULL));
+	free(raw_read(fd, 60, &closed));
 	close(fd);
+	assert_true(closed);
 	assert_int_equal(split(&r, parts, 4, &ended), 3);
 	assert_same_files(folder, parts);
 	for (int i = 0; i < 3; i++) {
