@@ -9,6 +9,9 @@
 /* Progressive methods get as good as time allows; auto takes one only where a frame is done in this time. */
 static const double longest_ms = 10e3;
 
+/* Tables that take seconds are worth it to one who stays in an atmosphere: each frame bears this part of them. */
+static const double slow_tables_share = 1 / 50.0;
+
 /* ---- domains ---- */
 
 /* The numbers of a field: how many, and where; integers are widened. */
@@ -206,6 +209,7 @@ static double worst_of(const struct measured_point *setting)
 struct candidate {
 	int method, steps, light_steps;
 	double error, ms;
+	double tables_ms; /* the frame's part of tables that take seconds */
 };
 
 /* Nothing else chooses among more: the settings of one scene stand for all. */
@@ -249,6 +253,7 @@ static bool make_candidate(const struct measured_point *p, const struct welkin_r
 	c->light_steps = p->light_steps;
 	c->error = known ? error_of(p, r) : worst_of(p);
 	c->ms = ms_of(p, terms->pixels);
+	c->tables_ms = m->slow_tables ? p->first_ms * slow_tables_share : 0;
 	if (m->progressive) { /* the error is what is asked for, at the cost of its square */
 		c->error = r->max_error;
 		if (!known || !(c->error > 0))
@@ -266,7 +271,8 @@ static bool make_candidate(const struct measured_point *p, const struct welkin_r
 /* Is a better than b for one who wants `cheap` (or accurate)? Ties go to the first in the data's order. */
 static bool better(const struct candidate *a, const struct candidate *b, bool cheap)
 {
-	return cheap ? a->ms < b->ms : a->error < b->error || (a->error == b->error && a->ms < b->ms);
+	return cheap ? a->ms + a->tables_ms < b->ms + b->tables_ms
+		     : a->error < b->error || (a->error == b->error && a->ms < b->ms);
 }
 
 struct search {
@@ -340,7 +346,7 @@ void choose_method(struct welkin_request *r, const struct choose_terms *terms)
 
 struct expectation choose_expect(const struct welkin_request *r, double pixels)
 {
-	struct expectation e = { NAN, NAN };
+	struct expectation e = { NAN, NAN, NAN };
 	const struct choose_terms terms = { .steps = true, .light_steps = true, .pixels = pixels };
 	if (method_is_auto(r) || !like_the_scenes(r))
 		return e;
@@ -353,7 +359,7 @@ struct expectation choose_expect(const struct welkin_request *r, double pixels)
 			!make_candidate(p, r, &terms, true, &c) || (p->steps + p->light_steps == most && c.ms >= e.ms))
 			continue;
 		most = p->steps + p->light_steps;
-		e = (struct expectation){ c.error, c.ms };
+		e = (struct expectation){ c.error, c.ms, c.tables_ms };
 	}
 	return e;
 }

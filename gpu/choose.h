@@ -40,6 +40,7 @@ void choose_method(struct welkin_request *request, const struct choose_terms *te
  * time on the device that was measured. NAN: not measured for such a request. */
 struct expectation {
 	double error, ms;
+	double tables_ms; /* the frame's part of tables that take seconds, which are kept for many */
 };
 struct expectation choose_expect(const struct welkin_request *request, double pixels);
 

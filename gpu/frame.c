@@ -150,6 +150,7 @@ struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, i
 		return NULL;
 	}
 	f->job = *job;
+	f->order = ++ws->frames_seen;
 	f->started_ms = clock_ms();
 	f->method = welkin_methods[job->request.atmosphere.method];
 	if (!map_pixels(f, memfd, err) || !hold_scene(ws, f, err)) {
@@ -170,6 +171,7 @@ void frame_destroy(struct workspace *ws, struct frame *frame)
 		return;
 	if (ws->bound == frame)
 		ws->bound = NULL;
+	tables_release(ws->tables, frame->order);
 	scene_store_release(&ws->scenes, frame->mesh);
 	cloud_history_release(frame);
 	if (frame->map)
@@ -278,7 +280,7 @@ static enum table_state bind(struct workspace *ws, struct frame *f, struct error
 			return TABLE_FAILED;
 		ws->bound = f;
 	}
-	tables_begin_slice(ws->tables);
+	tables_begin_slice(ws->tables, f->order);
 	const enum table_state state =
 		f->stage == FRAME_NOISE
 			? need_noise(ws->tables, &f->scene, (enum welkin_noise_table)f->job.noise.table, err)
@@ -340,6 +342,7 @@ bool frame_slice(struct workspace *ws, struct frame *frame, struct error *err)
 	case TABLE_FAILED:
 		frame_finish(frame, WELKIN_FAILED, why.text);
 		return passes_finish(ws->passes, NULL, err);
+	case TABLE_WAITING:
 	case TABLE_BUILDING:
 		return passes_finish(ws->passes, &frame->log, err);
 	case TABLE_READY:

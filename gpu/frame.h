@@ -58,6 +58,7 @@ struct frame {
 	unsigned char *map; /* the memfd */
 	size_t map_size;
 	double started_ms; /* clock_ms() */
+	uint64_t order;    /* of arrival, from 1: whose tables may go for whose */
 	double waits;      /* slices that others got since its last; the renderer's */
 	int tables_noted;
 	const struct mesh_header *mesh; /* of the request's scene, held while the frame lives; NULL: none */

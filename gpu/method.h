@@ -17,7 +17,7 @@
  * The first part is plain data that any process may read; the functions run in the renderer only.
  */
 
-enum table_state { TABLE_FAILED, TABLE_BUILDING, TABLE_READY };
+enum table_state { TABLE_FAILED, TABLE_WAITING, TABLE_BUILDING, TABLE_READY };
 
 struct frame_tables; /* tables.h */
 struct scene;        /* scene.h */
@@ -41,7 +41,7 @@ struct method {
 	/* Adds to a prepared scene what its kernel alone needs (NULL: nothing). */
 	void (*prepare)(struct scene *scene, const struct welkin_request *request);
 	/* Makes sure that the tables it reads for a spectral batch exist and are bound (NULL: it reads
-	 * none). Not ready: work was dispatched, call again once it is done. */
+	 * none). Building: work was dispatched, call again once it is done; waiting: for another frame. */
 	enum table_state (*tables)(
 		struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
 	/* An operator's method: which of request.method_values are its parameters, in the order of its MethodBlock. */

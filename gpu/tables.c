@@ -19,7 +19,8 @@ struct table {
 	unsigned char key[KEY_MAX];
 	size_t key_size;
 	double bytes;
-	uint64_t used; /* when, in needs */
+	uint64_t used;   /* when, in needs */
+	uint64_t holder; /* the oldest frame at work that needs it; 0: none */
 };
 
 struct frame_tables {
@@ -28,6 +29,7 @@ struct frame_tables {
 	double budget_bytes;
 	uint64_t clock;  /* counts needs */
 	uint64_t pinned; /* tables used since then are in use by the slice in hand */
+	uint64_t holder; /* the frame that the slice is of; 0: none */
 	struct table list[TABLES_MAX];
 	struct tables_report report;
 };
@@ -63,10 +65,18 @@ void tables_destroy(struct frame_tables *tables)
 	free(tables);
 }
 
-void tables_begin_slice(struct frame_tables *tables)
+void tables_begin_slice(struct frame_tables *tables, uint64_t holder)
 {
 	tables->pinned = tables->clock + 1;
+	tables->holder = holder;
 	tables->report.n = 0;
+}
+
+void tables_release(struct frame_tables *tables, uint64_t holder)
+{
+	for (int i = 0; i < TABLES_MAX; i++)
+		if (tables->list[i].holder == holder)
+			tables->list[i].holder = 0;
 }
 
 const struct tables_report *tables_report(const struct frame_tables *tables)
@@ -106,10 +116,16 @@ static double texel_bytes(unsigned format)
 	}
 }
 
-static double desc_bytes(const struct table_desc *desc)
+/* Of one texture; what feeds back has two until it is built. */
+static double texture_bytes(const struct table_desc *desc)
 {
 	return (double)desc->width * desc->height * (desc->depth > 0 ? desc->depth : 1) *
 	       texel_bytes(desc->internal_format);
+}
+
+static double building_bytes(const struct table_desc *desc)
+{
+	return texture_bytes(desc) * (desc->feedback ? 2 : 1);
 }
 
 static bool occupied(const struct table *table)
@@ -127,8 +143,22 @@ static struct table *find(struct frame_tables *tables, const void *kind, const v
 	return NULL;
 }
 
+static void use(struct frame_tables *tables, struct table *table)
+{
+	table->used = ++tables->clock;
+	if (tables->holder && (!table->holder || tables->holder < table->holder))
+		table->holder = tables->holder;
+}
+
+/* Tables of the slice in hand stay, and so do those of older frames: were two frames to take each other's
+ * unfinished tables away, neither would ever be done. */
+static bool may_go(const struct frame_tables *tables, const struct table *table)
+{
+	return table->used < tables->pinned && (!tables->holder || !table->holder || table->holder >= tables->holder);
+}
+
 /* A free slot, after letting go of the tables that were used longest ago, down to what leaves room
- * for `bytes`. Tables of the slice in hand stay, whatever the budget: it is what may be kept. */
+ * for `bytes`. What has to stay does so whatever the budget: it is what may be kept. */
 static struct table *make_room(struct frame_tables *tables, double bytes)
 {
 	for (;;) {
@@ -137,13 +167,23 @@ static struct table *make_room(struct frame_tables *tables, double bytes)
 			struct table *t = &tables->list[i];
 			if (!occupied(t))
 				slot = t;
-			else if (t->used < tables->pinned && (!oldest || t->used < oldest->used))
+			else if (may_go(tables, t) && (!oldest || t->used < oldest->used))
 				oldest = t;
 		}
 		if ((slot && tables_bytes(tables) + bytes <= tables->budget_bytes) || !oldest)
 			return slot;
 		forget(oldest);
 	}
+}
+
+/* Is there no room for so much because of what older frames hold? */
+static bool crowded_out(const struct frame_tables *tables, double bytes)
+{
+	double held = 0;
+	for (int i = 0; i < TABLES_MAX; i++)
+		if (tables->holder && tables->list[i].holder && tables->list[i].holder < tables->holder)
+			held += tables->list[i].bytes;
+	return held > 0 && held + bytes > tables->budget_bytes;
 }
 
 static unsigned create_texture(const struct table_desc *desc)
@@ -172,7 +212,7 @@ static int runs_needed(const struct table_desc *desc)
 static struct table *add(
 	struct frame_tables *tables, const struct table_desc *desc, const void *key, size_t key_size, struct error *err)
 {
-	struct table *t = make_room(tables, desc_bytes(desc));
+	struct table *t = make_room(tables, building_bytes(desc));
 	if (!t) {
 		error_set(err, "more than %d tables in use at once", TABLES_MAX);
 		return NULL;
@@ -180,7 +220,7 @@ static struct table *add(
 	t->texture = create_texture(desc);
 	t->previous = desc->feedback ? create_texture(desc) : 0;
 	t->kind = t->desc = desc;
-	t->bytes = desc_bytes(desc);
+	t->bytes = building_bytes(desc);
 	t->key_size = key_size;
 	memcpy(t->key, key, key_size);
 	snprintf(t->pass, sizeof t->pass, "table-%s", desc->name);
@@ -243,9 +283,12 @@ enum table_state tables_need(struct frame_tables *tables, const struct table_des
 		return TABLE_FAILED;
 	}
 	struct table *t = find(tables, desc, key, key_size);
+	/* What one run makes goes over the budget; what takes many of them waits for its turn. */
+	if (!t && runs_needed(desc) > 1 && crowded_out(tables, building_bytes(desc)))
+		return TABLE_WAITING;
 	if (!t && !(t = add(tables, desc, key, key_size, err)))
 		return TABLE_FAILED;
-	t->used = ++tables->clock;
+	use(tables, t);
 	const bool building = t->runs < runs_needed(desc);
 	if (building && !run(tables, t, batch, err)) {
 		forget(t);
@@ -257,6 +300,7 @@ enum table_state tables_need(struct frame_tables *tables, const struct table_des
 	if (t->previous) {
 		glDeleteTextures(1, &t->previous);
 		t->previous = 0;
+		t->bytes = texture_bytes(desc);
 	}
 	passes_texture(tables->passes, (unsigned)desc->unit, t->texture);
 	return TABLE_READY;
@@ -270,17 +314,17 @@ bool tables_need_picture(struct frame_tables *tables, const void *kind, const vo
 		const struct table_desc desc = {
 			.width = width, .height = height, .internal_format = GL_RGBA8, .repeats = 1
 		};
-		t = key_size <= KEY_MAX ? make_room(tables, desc_bytes(&desc)) : NULL;
+		t = key_size <= KEY_MAX ? make_room(tables, texture_bytes(&desc)) : NULL;
 		if (!t)
 			return error_set(err, "no slot for one more picture on the device");
 		t->texture = create_texture(&desc);
 		glTextureSubImage2D(t->texture, 0, 0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, rgba8);
 		t->kind = kind;
-		t->bytes = desc_bytes(&desc);
+		t->bytes = texture_bytes(&desc);
 		t->key_size = key_size;
 		memcpy(t->key, key, key_size);
 	}
-	t->used = ++tables->clock;
+	use(tables, t);
 	passes_texture(tables->passes, (unsigned)unit, t->texture);
 	return true;
 }
@@ -301,7 +345,7 @@ void *tables_kept(struct frame_tables *tables, const void *kind, const void *key
 	struct table *t = find(tables, kind, key, key_size);
 	if (!t)
 		return NULL;
-	t->used = ++tables->clock;
+	use(tables, t);
 	return t->object;
 }
 
@@ -319,6 +363,6 @@ bool tables_keep(struct frame_tables *tables, const void *kind, const void *key,
 	t->bytes = bytes;
 	t->key_size = key_size;
 	memcpy(t->key, key, key_size);
-	t->used = ++tables->clock;
+	use(tables, t);
 	return true;
 }

@@ -8,6 +8,7 @@
 #include "gpu/scene.h"
 
 #include <stddef.h>
+#include <stdint.h>
 
 struct frame_tables;
 
@@ -31,7 +32,8 @@ struct table_desc {
  * filter. Where it does not, the call dispatches its kernel with the blocks of the scene and the
  * batch bound. A kernel that runs once is ready for the passes that follow; of one that iterates each
  * call dispatches one run and says that it is building, and the caller waits for the device (and
- * lets others have their turn) between calls. desc is told apart by its address: make it static. */
+ * lets others have their turn) between calls; where older frames hold the memory that it would take, the
+ * call says that it is waiting, and does nothing. desc is told apart by its address: make it static. */
 enum table_state tables_need(struct frame_tables *tables, const struct table_desc *desc, const void *key,
 	size_t key_size, int batch, struct error *err);
 
@@ -57,8 +59,11 @@ bool tables_keep(struct frame_tables *tables, const void *kind, const void *key,
 struct frame_tables *tables_create(struct passes *passes, struct programs *programs, double budget_mib);
 void tables_destroy(struct frame_tables *tables);
 
-/* Before a slice asks for its tables: from here on, those it needs are not let go of. */
-void tables_begin_slice(struct frame_tables *tables);
+/* Before a slice asks for its tables: from here on, those it needs are not let go of. holder: of which frame it is,
+ * numbered from 1 in the order of arrival (0: of none). Until tables_release() a younger one can't take the frame's
+ * tables away, so that the oldest frame always gets on. */
+void tables_begin_slice(struct frame_tables *tables, uint64_t holder);
+void tables_release(struct frame_tables *tables, uint64_t holder);
 
 /* The tables asked for since the slice began, by pass. */
 enum { TABLES_REPORT_MAX = 8 };

@@ -59,6 +59,7 @@ struct workspace {
 	struct cloud_histories *histories;                /* cloud_history.h; NULL until one is wanted */
 	struct cost costs[WORKSPACE_COSTS];
 	unsigned cost_clock;
+	uint64_t frames_seen;
 	const void *bound; /* the frame whose blocks are on the device; frames clear it when they go */
 };
 

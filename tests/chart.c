@@ -133,7 +133,8 @@ static bool measure_first(struct chart *c, const struct point *p, double *ms)
 	struct welkin_request request = scene_view(p->scene, 64, 36);
 	double ignored;
 	setting_apply(&p->setting, &request);
-	request.atmosphere.planet_radius_m += 1 + p->setting.method;
+	static int seen;
+	request.atmosphere.planet_radius_m += ++seen;
 	return time_once(c, &request, &ignored, ms);
 }
 
@@ -205,7 +206,8 @@ static void print_point(const struct chart *c, const struct point *p)
 
 static bool measure_scene(struct chart *c, const struct calibration_scene *scene, const char *method, const char *label)
 {
-	static double first[SETTINGS_MAX * 4];
+	/* Of one setting; of each where they take long, by which auto tells the settings apart. */
+	static double first[WELKIN_METHODS_MAX][SETTINGS_MAX];
 	struct reference_image reference;
 	struct setting settings[SETTINGS_MAX];
 	bool ok = reference_get(&c->renderer, scene, c->folder, c->smoke ? 0.02 : reference_error,
@@ -221,9 +223,10 @@ static bool measure_scene(struct chart *c, const struct calibration_scene *scene
 			if ((label && strcmp(label, settings[i].label)) || too_slow(c, &settings[i]))
 				continue;
 			ok = measure_error(c, p, &reference) && measure_cost(c, p);
-			if (ok && welkin_methods[m]->tables && first[m] <= 0)
-				ok = measure_first(c, p, &first[m]);
-			p->ms_first = first[m];
+			double *ms_first = &first[m][welkin_methods[m]->slow_tables ? i : 0];
+			if (ok && welkin_methods[m]->tables && *ms_first <= 0)
+				ok = measure_first(c, p, ms_first);
+			p->ms_first = *ms_first;
 			c->n_points++;
 			if (ok)
 				print_point(c, p);

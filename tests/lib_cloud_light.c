@@ -86,7 +86,7 @@ static double build_tables(struct frame_tables *tables, const struct scene *scen
 	struct pass_log log = { 0 };
 	enum table_state state;
 	do {
-		tables_begin_slice(tables);
+		tables_begin_slice(tables, 0);
 		state = need_cloud_light(tables, scene, &err);
 		if (state == TABLE_FAILED || !passes_finish(lib_gpu.passes, &log, &err))
 			fail_msg("%s", err.text);
@@ -157,7 +157,7 @@ static void clouds_tables(const struct scene *scene)
 	struct error err = { "" };
 	enum table_state state;
 	do {
-		tables_begin_slice(lib_gpu.tables);
+		tables_begin_slice(lib_gpu.tables, 0);
 		state = need_clouds(lib_gpu.tables, scene, 0, &err);
 		if (state == TABLE_FAILED || !passes_finish(lib_gpu.passes, NULL, &err))
 			fail_msg("%s", err.text);

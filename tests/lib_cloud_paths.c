@@ -40,7 +40,7 @@ static void build_tables(const struct scene *scene)
 	enum table_state state;
 	passes_blocks(lib_gpu.passes, scene);
 	do {
-		tables_begin_slice(lib_gpu.tables);
+		tables_begin_slice(lib_gpu.tables, 0);
 		state = need_optical_depth(lib_gpu.tables, scene, &err);
 		if (state == TABLE_READY)
 			state = need_cloud_paths(lib_gpu.tables, scene, &err);

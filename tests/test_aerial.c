@@ -72,7 +72,7 @@ static void build(enum table_state (*need)(struct frame_tables *, const struct s
 {
 	struct error err = { "" };
 	enum table_state state = TABLE_BUILDING;
-	tables_begin_slice(lib_gpu.tables);
+	tables_begin_slice(lib_gpu.tables, 0);
 	while (state == TABLE_BUILDING) {
 		state = need(lib_gpu.tables, scene, 0, &err);
 		if (!passes_finish(lib_gpu.passes, NULL, &err))

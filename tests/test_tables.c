@@ -55,7 +55,7 @@ static bool need(struct frame_tables *tables, char key)
 
 static bool need_in_new_slice(struct frame_tables *tables, char key)
 {
-	tables_begin_slice(tables);
+	tables_begin_slice(tables, 0);
 	return need(tables, key);
 }
 
@@ -92,7 +92,7 @@ static void tables_in_use_stay(void **state)
 {
 	(void)state;
 	struct frame_tables *tables = tables_of(1);
-	tables_begin_slice(tables);
+	tables_begin_slice(tables, 0);
 	for (char key = 'a'; key <= 'd'; key++)
 		assert_true(need(tables, key));
 	for (char key = 'a'; key <= 'd'; key++)
@@ -153,7 +153,7 @@ static void other_objects(void **state)
 	struct error err = { "" };
 	struct frame_tables *tables = tables_of(2);
 	destroyed = 0;
-	tables_begin_slice(tables);
+	tables_begin_slice(tables, 0);
 	assert_null(tables_kept(tables, &kind, "a", 1));
 	assert_true(tables_keep(tables, &kind, "a", 1, &objects[0], 1e6, destroy, &err));
 	assert_ptr_equal(tables_kept(tables, &kind, "a", 1), &objects[0]);
@@ -162,13 +162,54 @@ static void other_objects(void **state)
 	/* in use in this slice: both stay, over the budget */
 	assert_true(tables_keep(tables, &kind, "b", 1, &objects[1], 2e6, destroy, &err));
 	assert_int_equal(destroyed, 0);
-	tables_begin_slice(tables);
+	tables_begin_slice(tables, 0);
 	assert_non_null(tables_kept(tables, &kind, "b", 1));
 	assert_true(tables_keep(tables, &other, "a", 1, &objects[2], 1e5, destroy, &err));
 	assert_int_equal(destroyed, 1);
 	assert_int_equal(objects[0], 0);
 	tables_destroy(tables);
 	assert_int_equal(destroyed, 3);
+}
+
+/* Two frames whose tables take many runs and don't fit together: the older gets on, the younger waits; neither
+ * takes away what the other has begun for ever. */
+static void frames_dont_starve_each_other(void **state)
+{
+	(void)state;
+	static const struct table_desc slow = {
+		.name = "multiple",
+		.width = 64,
+		.height = 32 * 7,
+		.internal_format = GL_RGBA32F,
+		.unit = UNIT_MULTIPLE,
+		.iterations = 8,
+		.feedback = 1,
+		.threads = { 64, 32, 1 },
+	};
+	enum table_state states[2] = { TABLE_BUILDING, TABLE_BUILDING };
+	struct frame_tables *tables = tables_of(1);
+	struct error err = { "" };
+	bool waited = false;
+	need_in_new_slice(tables, 'o'); /* the optical depth, which the other reads */
+	for (int turn = 0; turn < 40 && states[1] != TABLE_READY; turn++)
+		for (int frame = 0; frame < 2; frame++) {
+			const char key = (char)('a' + frame);
+			if (states[frame] == TABLE_READY)
+				continue;
+			tables_begin_slice(tables, (uint64_t)frame + 1);
+			states[frame] = tables_need(tables, &slow, &key, 1, 0, &err);
+			assert_true(states[frame] != TABLE_FAILED && passes_finish(lib_gpu.passes, NULL, &err));
+			if (states[frame] == TABLE_WAITING) {
+				assert_true(frame == 1 && states[0] != TABLE_READY);
+				waited = true;
+			}
+			if (states[frame] == TABLE_READY)
+				tables_release(tables, (uint64_t)frame + 1);
+		}
+	assert_true(waited);
+	assert_int_equal(states[0], TABLE_READY);
+	assert_int_equal(states[1], TABLE_READY);
+	tables_destroy(tables);
 }
 
 static void faults(void **state)
@@ -198,6 +239,7 @@ int main(void)
 		cmocka_unit_test(a_hundred_keys),
 		cmocka_unit_test(written_and_bound),
 		cmocka_unit_test(other_objects),
+		cmocka_unit_test(frames_dont_starve_each_other),
 		cmocka_unit_test(faults),
 	};
 	return cmocka_run_group_tests_name("tables", tests, lib_gpu_open, lib_gpu_close);
