@@ -100,6 +100,7 @@ static void overlook(struct CloudsBlock *to, const struct CloudsBlock *from)
 	memcpy(to->south, from->south, sizeof to->south);
 	memcpy(to->base, from->base, offset);
 	memcpy(to->detail, from->detail, offset);
+	memcpy(to->regions, from->regions, offset);
 	memcpy(to->weather, from->weather, flat);
 	memcpy(to->curl, from->curl, flat);
 	memcpy(to->high, from->high, flat);

@@ -64,6 +64,19 @@ static void set_axes(struct CloudsBlock *block, const struct FrameBlock *frame)
 	}
 }
 
+/* Phases of the waves of cloud_region() (cloud_density.glsl, which has the same three) at a place: in double, since a
+ * float would lose them far from the origin. */
+static void set_regions(struct CloudsBlock *block, const double at_m[2], double side_m)
+{
+	static const double waves[3][2] = { { 0.208, 0.083 }, { -0.097, 0.154 }, { 0.037, -0.126 } };
+	static const double phases[3] = { 0.1, 0.62, 0.48854 }; /* the waves cancel at the origin */
+	for (int i = 0; i < 3; i++) {
+		const double x = phases[i] + (waves[i][0] * at_m[0] + waves[i][1] * at_m[1]) / side_m;
+		block->regions[i] = (float)(x - floor(x));
+	}
+	block->regions[3] = 3.2f; /* five regions or so */
+}
+
 static void set_offsets(struct CloudsBlock *block, const struct welkin_request *request)
 {
 	const struct welkin_clouds *c = &request->clouds;
@@ -86,6 +99,7 @@ static void set_offsets(struct CloudsBlock *block, const struct welkin_request *
 		textures[i].to[2] = textures[i].flat ? 0 : wrapped(south, side);
 		textures[i].to[3] = (float)(1 / side);
 	}
+	set_regions(block, (const double[2]){ east, south }, c->weather_scale_m);
 	block->weather[2] = (float)c->coverage;
 	block->curl[2] = (float)c->curl_strength_m;
 	block->high[2] = (float)c->high_coverage;
@@ -136,6 +150,7 @@ void clouds_paint(struct scene *scene, const struct mesh_header *mesh)
 {
 	struct CloudsBlock *block = &scene->clouds;
 	scene->weather = mesh;
+	block->regions[3] = 0; /* it is where its painter put it */
 	sscanf(mesh->key, "%8x%8x%8x%8x", &block->painted_a, &block->painted_b, &block->painted_c, &block->painted_d);
 }
 

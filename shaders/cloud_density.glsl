@@ -90,9 +90,34 @@ float cloud_profile(float height, float type)
 	return rise * rise * (3.0 - 2.0 * rise) * fall;
 }
 
+/*
+ * The weather map repeats, and from high above one would see it: so the ground is cut into regions, each of which has the map
+ * shifted its own way (after Quilez' texture repetition, 2015). Regions are bands of a slow sum of waves that never repeats.
+ */
+float cloud_region(vec2 level)
+{
+	/* periods of 4 to 8 sides of the map; parabolas, since sines take longer and are no rounder to the eye */
+	const vec2 A = vec2(0.208, 0.083), B = vec2(-0.097, 0.154), C = vec2(0.037, -0.126);
+	vec2 at = level * clouds.weather.w;
+	vec3 x = 2.0 * fract(vec3(dot(at, A), dot(at, B), dot(at, C)) + clouds.regions.xyz) - 1.0;
+	return clouds.regions.w * dot(x * (1.0 - abs(x)), vec3(1.0));
+}
+
+/* In sides of the map: low-discrepancy, so that neighbours are far apart (Roberts' R2, 2018). */
+vec2 cloud_region_shift(float region)
+{
+	return fract(region * vec2(0.7548776662, 0.5698402910));
+}
+
 vec4 cloud_weather(vec2 level)
 {
-	return textureLod(cloud_weather_texture, level * clouds.weather.w + clouds.weather.xy, 0.0);
+	vec2 at = level * clouds.weather.w + clouds.weather.xy;
+	float region = cloud_region(level), first = floor(region), share = smoothstep(0.35, 0.65, region - first);
+	vec4 a = textureLod(cloud_weather_texture, at + cloud_region_shift(first), 0.0), b = textureLod(cloud_weather_texture, at + cloud_region_shift(first + 1.0), 0.0);
+	vec4 weather = mix(a, b, share);
+	/* fair and poor weather over hundreds of km, but where clouds are everywhere */
+	weather.r = min(weather.r * (1.0 + 0.3 * (1.0 - clouds.weather.z) * region), 1.0);
+	return weather;
 }
 
 float cloud_height(float h)

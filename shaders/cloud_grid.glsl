@@ -72,12 +72,14 @@ int cloud_grid_level(vec3 q, int least)
 }
 
 /* A point as the grids know it: beyond them, one of the same weather within, since the weather map repeats and the coarsest level
- * holds all of it. */
+ * holds all of it, shifted as it mostly is below the camera. */
 vec3 cloud_grid_home(vec3 q)
 {
 	float period = 1.0 / clouds.weather.w;
+	vec2 shift = cloud_region_shift(floor(cloud_region(q.xz) + 0.5)) - cloud_region_shift(floor(cloud_region(vec2(0.0)) + 0.5));
+	vec2 home = q.xz + period * shift;
 	bool outside = cloud_grid_reach(q, CLOUD_GRID_LEVELS - 1) > 1.0;
-	return outside ? vec3(q.x - period * round(q.x / period), q.y, q.z - period * round(q.z / period)) : q;
+	return outside ? vec3(home - period * round(home / period), q.y).xzy : q;
 }
 
 /* 1 within the layer's height, 0 outside. */

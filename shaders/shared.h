@@ -271,6 +271,7 @@ WELKIN_BLOCK(CloudsBlock, BIND_CLOUDS)
 	vec4 east, south;      /* xyz: horizontal axes at the camera, world frame */
 	vec4 base, detail;     /* xyz offset, w 1 / side in 1/m */
 	vec4 grid[CLOUD_GRID_LEVELS]; /* xy: least x and z in m, z: side of a cell in m; cloud_grid.glsl */
+	vec4 regions;          /* xyz: phases of cloud_region() at the camera's footprint, in periods; w: its amplitude, 0 where the map just repeats */
 	vec4 weather, curl, high; /* xy offset, z: of weather: coverage, of curl: strength in m, of high: coverage; w 1 / side */
 	float bottom, top;     /* m above the ground sphere */
 	float extinction;      /* 1/m where densest */
