@@ -114,10 +114,12 @@ static size_t lattice_points(int pixels)
 bool clouds_reserve(struct workspace *ws, const struct frame *f, int pixels, struct error *err)
 {
 	const size_t size = (size_t)pixels * 4 * sizeof(float), points = lattice_points(pixels);
+	/* of each side of a pixel; surface_distance.glsl */
+	const size_t sides = f->plan.features & FEATURE_SURFACES ? 2 : 1;
 	if (!f->clouds)
 		return true;
-	return workspace_reserve(&ws->cloud_light, size, false, err) &&
-	       workspace_reserve(&ws->cloud_place, size, false, err) &&
+	return workspace_reserve(&ws->cloud_light, sides * size, false, err) &&
+	       workspace_reserve(&ws->cloud_place, sides * size, false, err) &&
 	       (!layered(f) || workspace_reserve(&ws->cloud_layer, 2 * size, false, err)) &&
 	       (!(f->cloud_lattice.corners || f->cloud_reprojection.blocks) ||
 		       (workspace_reserve(&ws->cloud_lattice, points * 8 * sizeof(float), false, err) &&
