@@ -73,7 +73,8 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	if (f->plan.features & FEATURE_TRACED) {
 		char file[64];
 		snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
-		return (f->sky = f->plain = programs_get(ws->programs, file, "SCENE=1", err)) != NULL;
+		const char *choices = f->plan.features & FEATURE_CLOUDS ? "CLOUDS=1 SCENE=1" : "SCENE=1";
+		return (f->sky = f->plain = programs_get(ws->programs, file, choices, err)) != NULL;
 	}
 	struct surfaces_window window;
 	const bool one = whole_window(f, &window);

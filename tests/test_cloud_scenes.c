@@ -51,8 +51,11 @@ struct image {
 
 #define COMMON                                                                                                         \
 	"image.exr_type=float&image.layers=depth&exposure.mode=ev&exposure.ev=14&sun.disk=false&"                      \
-	"image.width=48&image.height=27&"
-#define DEFAULT "atmosphere.method=sky_view&"
+	""
+#define SIZE "image.width=48&image.height=27&"
+#define DEFAULT SIZE "atmosphere.method=sky_view&"
+/* Stops at the first look at its errors. */
+#define REFERENCE "image.width=16&image.height=9&atmosphere.method=reference&accuracy.max_error=0.9&"
 
 /* A slab of that optical depth between 1 and 2 km, nothing but which takes or scatters light. */
 #define ABSORBING                                                                                                      \
@@ -268,6 +271,63 @@ static void peaks_shade_clouds(void **state)
 	assert_true(least[1] < 0.5 && least[0] > 0.98);
 }
 
+/* The reference leaves exp(-tau / mu) itself, within the noise of ratio tracking. */
+static void paths_meet_slopes_under_clouds(void **state)
+{
+	(void)state;
+	for (size_t i = 0; i < sizeof heights / sizeof heights[0]; i++) {
+		struct image with = slope_under(REFERENCE, heights[i].slope_m, 40, 1),
+			     without = slope_under(DEFAULT, heights[i].slope_m, 40, 0);
+		const double share = mean(&with) / mean(&without),
+			     want = exp(-heights[i].above / sin(40 * (M_PI / 180)));
+		print_message("%s: %.4f of the light, exp(-tau / mu) is %.4f\n", heights[i].name, share, want);
+		assert_true(mean(&without) > 0.01);
+		assert_true(fabs(share / want - 1) <= 0.03);
+		free(with.rgba);
+		free(without.rgba);
+	}
+}
+
+/* A mountain that stands out of a deck. */
+static struct image mountain_in_deck(const char *method)
+{
+	const struct scene scene = { mountain_key, 0, WELKIN_SHADOW_GAUSSIAN, WELKIN_SHAFTS_AUTO };
+	return image_of(&scene,
+		COMMON "%sclouds.base.shape=uniform&clouds.bottom_m=300&clouds.top_m=500&clouds.coverage=1&clouds."
+		       "liquid_water_g_m3=0.3&"
+		       "clouds.droplet_radius_um=10&camera.position_m=0,1300,4000&camera.heading_deg=0&camera.pitch_"
+		       "deg=-15&camera.fov_deg="
+		       "35&sun.elevation_deg=25&sun.azimuth_deg=100",
+		method);
+}
+
+/* Mean light of the rows from the one to before the other. */
+static double mean_of_rows(const struct image *image, int first, int last)
+{
+	const int width = image->n / 9;
+	double sum = 0;
+	for (int i = first * width; i < last * width; i++)
+		sum += luminance(image->rgba[i]);
+	return sum / ((last - first) * width);
+}
+
+static void default_agrees_with_paths(void **state)
+{
+	(void)state;
+	struct image a = mountain_in_deck("image.width=16&image.height=9&atmosphere.method=sky_view&"),
+		     b = mountain_in_deck(REFERENCE);
+	static const int parts[][2] = { { 0, 3 }, { 3, 6 }, { 6, 9 } };
+	for (int i = 0; i < 3; i++) {
+		const double got = mean_of_rows(&a, parts[i][0], parts[i][1]),
+			     want = mean_of_rows(&b, parts[i][0], parts[i][1]);
+		print_message("rows %d to %d: %.4g, by paths %.4g (%+.1f %%)\n", parts[i][0], parts[i][1] - 1, got,
+			want, 100 * (got / want - 1));
+		assert_true(fabs(got / want - 1) < 0.15);
+	}
+	free(a.rgba);
+	free(b.rgba);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -276,6 +336,8 @@ int main(void)
 		cmocka_unit_test(air_is_shaded_once),
 		cmocka_unit_test(ridges_have_no_halos),
 		cmocka_unit_test(peaks_shade_clouds),
+		cmocka_unit_test(paths_meet_slopes_under_clouds),
+		cmocka_unit_test(default_agrees_with_paths),
 	};
 	return cmocka_run_group_tests(tests, start, group_renderer_stop);
 }
