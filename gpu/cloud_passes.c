@@ -62,6 +62,8 @@ static bool choose_reprojection(struct workspace *ws, struct frame *f, const cha
 		return true;
 	if (!f->job.sequence)
 		planner_note(&f->plan, pass, false, "clouds.reprojection is for sequences");
+	else if (f->plan.features & FEATURE_SURFACES)
+		planner_note(&f->plan, pass, false, "pixels of a scene are marched one by one");
 	else if (!by_fewer_rays(f))
 		planner_note(&f->plan, pass, false, "the image is too small for blocks of 4 by 4 pixels");
 	else if (f->job.request.image.projection == WELKIN_CUBEMAP)
