@@ -62,6 +62,8 @@ static bool choose_reprojection(struct workspace *ws, struct frame *f, const cha
 		return true;
 	if (!f->job.sequence)
 		planner_note(&f->plan, pass, false, "clouds.reprojection is for sequences");
+	else if (f->plan.features & FEATURE_SURFACES)
+		planner_note(&f->plan, pass, false, "pixels of a scene are marched one by one");
 	else if (!by_fewer_rays(f))
 		planner_note(&f->plan, pass, false, "the image is too small for blocks of 4 by 4 pixels");
 	else if (f->job.request.image.projection == WELKIN_CUBEMAP)
@@ -114,10 +116,12 @@ static size_t lattice_points(int pixels)
 bool clouds_reserve(struct workspace *ws, const struct frame *f, int pixels, struct error *err)
 {
 	const size_t size = (size_t)pixels * 4 * sizeof(float), points = lattice_points(pixels);
+	/* of each side of a pixel; surface_distance.glsl */
+	const size_t sides = f->plan.features & FEATURE_SURFACES ? 2 : 1;
 	if (!f->clouds)
 		return true;
-	return workspace_reserve(&ws->cloud_light, size, false, err) &&
-	       workspace_reserve(&ws->cloud_place, size, false, err) &&
+	return workspace_reserve(&ws->cloud_light, sides * size, false, err) &&
+	       workspace_reserve(&ws->cloud_place, sides * size, false, err) &&
 	       (!layered(f) || workspace_reserve(&ws->cloud_layer, 2 * size, false, err)) &&
 	       (!(f->cloud_lattice.corners || f->cloud_reprojection.blocks) ||
 		       (workspace_reserve(&ws->cloud_lattice, points * 8 * sizeof(float), false, err) &&

@@ -295,12 +295,11 @@ enum table_state frame_tables(struct workspace *ws, const struct frame *frame, i
 	enum table_state state = TABLE_READY;
 	if (frame->method->tables)
 		state = frame->method->tables(ws->tables, &frame->scene, batch, err);
-	if (state == TABLE_READY)
-		state = scenery_tables(ws, frame, batch, err);
-	if (state != TABLE_READY || !(frame->plan.features & FEATURE_CLOUDS))
-		return state;
-	return frame->method->progressive ? need_cloud_paths(ws->tables, &frame->scene, err)
-					  : need_clouds(ws->tables, &frame->scene, batch, err);
+	if (state == TABLE_READY && frame->plan.features & FEATURE_CLOUDS)
+		state = frame->method->progressive ? need_cloud_paths(ws->tables, &frame->scene, err)
+						   : need_clouds(ws->tables, &frame->scene, batch, err);
+	/* last, since clouds shade what they hold */
+	return state == TABLE_READY ? scenery_tables(ws, frame, batch, err) : state;
 }
 
 /* The stage of a noise job. */

@@ -147,10 +147,13 @@ bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4
 			progressive_run(ws, f, &sky);
 		else
 			passes_run(ws->passes, &sky);
-		scenery_light(ws, f, tile, sky.batch, sky.storage);
 	}
 	if (f->clouds)
 		clouds_run(ws, f, tile, radiance, ws->transmittance.id, ws->rays.id);
+	for (int batch = 0; batch < f->scene.n_batches && f->scenery.light; batch++) {
+		frame_tables(ws, f, batch, NULL);
+		scenery_light(ws, f, tile, batch, sky.storage);
+	}
 	return true;
 }
 

@@ -109,9 +109,9 @@ bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms,
 	}
 	pass.storage[BIND_SURFACES] = ws->surface.id;
 	passes_run(ws->passes, &pass);
-	scenery_light(ws, frame, pass.tile, pass.batch, pass.storage);
 	if (frame->clouds)
 		clouds_run(ws, frame, pass.tile, ws->spectral_L.id, ws->spectral_T.id, ws->directions.id);
+	scenery_light(ws, frame, pass.tile, pass.batch, pass.storage);
 	if (!frame_settle(ws, frame, count, 1, err))
 		return false;
 	read_back(ws, frame, frame->direction, count);

@@ -73,7 +73,8 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	if (f->plan.features & FEATURE_TRACED) {
 		char file[64];
 		snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
-		return (f->sky = f->plain = programs_get(ws->programs, file, "SCENE=1", err)) != NULL;
+		const char *choices = f->plan.features & FEATURE_CLOUDS ? "CLOUDS=1 SCENE=1" : "SCENE=1";
+		return (f->sky = f->plain = programs_get(ws->programs, file, choices, err)) != NULL;
 	}
 	struct surfaces_window window;
 	const bool one = whole_window(f, &window);
@@ -82,17 +83,18 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
 		s->gather = programs_get(ws->programs, "surfaces_gather.comp", "", err);
 	}
+	const char *clouds = f->plan.features & FEATURE_CLOUDS ? " CLOUDS=1" : "";
+	char choices[64];
 	if (f->plan.features & FEATURE_SHAFTS) {
 		shafts_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
-		char choices[64];
-		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d", f->plan.epipolar,
-			!f->method->single_scattering);
+		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d%s", f->plan.epipolar,
+			!f->method->single_scattering, clouds);
 		if (!(s->shafts = programs_get(ws->programs, "shafts.comp", choices, err)))
 			return false;
 	}
 	s->cast = programs_get(ws->programs, "surfaces_cast.comp", "", err);
-	s->light = programs_get(
-		ws->programs, "surfaces.comp", f->method->single_scattering ? "AERIAL_MARCH=1" : "AERIAL_MARCH=0", err);
+	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d%s", f->method->single_scattering, clouds);
+	s->light = programs_get(ws->programs, "surfaces.comp", choices, err);
 	return (!draws(f) || (s->draw && s->gather)) && s->cast && s->light;
 }
 
@@ -249,6 +251,8 @@ void scenery_light(
 	memcpy(pass.storage, storage, sizeof pass.storage);
 	surfaces_bind(s->surfaces, ws->passes, pass.storage);
 	pass.storage[BIND_SURFACES] = ws->surface.id;
+	pass.storage[BIND_CLOUD_LIGHT] = ws->cloud_light.id;
+	pass.storage[BIND_CLOUD_PLACE] = ws->cloud_place.id;
 	passes_run(ws->passes, &pass);
 	if (!s->shafts)
 		return;

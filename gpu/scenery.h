@@ -33,7 +33,8 @@ bool scenery_records(struct workspace *ws, const struct frame *frame, const int 
 /* For a pass that follows rays into the scene: which buffers it finds it in. */
 void scenery_bind_rays(struct workspace *ws, const struct frame *frame, unsigned storage[PASS_STORAGE]);
 
-/* Adds the surfaces' light for a batch whose sky is there; storage: the buffers that the sky was given. */
+/* Adds the surfaces' light for a batch whose sky is there, clouds and all; storage: the buffers that the sky was given.
+ */
 void scenery_light(struct workspace *ws, const struct frame *frame, const int tile[4], int batch,
 	const unsigned storage[PASS_STORAGE]);
 

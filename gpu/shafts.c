@@ -112,26 +112,17 @@ enum table_state shafts_need(struct frame_tables *tables, const struct scene *sc
 		.unit = UNIT_SHAFT_TREE,
 		.threads = { SHAFT_DEPTHS >> SHAFT_LEVELS, SHAFT_PLANES, 1 },
 	};
-	static const struct table_desc shafts[2] = { {
-							     .name = "shafts",
-							     .choices = "SCALED=0",
-							     .width = SHAFT_ANGLES,
-							     .height = SHAFT_PLANES,
-							     .depth = SHAFT_DISTANCES + 1,
-							     .internal_format = GL_RGBA16F,
-							     .unit = UNIT_SHAFTS,
-							     .threads = { SHAFT_ANGLES, SHAFT_PLANES, 1 },
-						     },
-		{
-			.name = "shafts",
-			.choices = "SCALED=1",
-			.width = SHAFT_ANGLES,
-			.height = SHAFT_PLANES,
-			.depth = SHAFT_DISTANCES + 1,
-			.internal_format = GL_RGBA16F,
-			.unit = UNIT_SHAFTS,
-			.threads = { SHAFT_ANGLES, SHAFT_PLANES, 1 },
-		} };
+#define SHAFTS(of)                                                                                                     \
+	{                                                                                                              \
+		.name = "shafts", .choices = of, .width = SHAFT_ANGLES, .height = SHAFT_PLANES,                        \
+		.depth = SHAFT_DISTANCES + 1, .internal_format = GL_RGBA16F, .unit = UNIT_SHAFTS, .threads = {         \
+			SHAFT_ANGLES,                                                                                  \
+			SHAFT_PLANES,                                                                                  \
+			1                                                                                              \
+		}                                                                                                      \
+	}
+	static const struct table_desc shafts[2][2] = { { SHAFTS("SCALED=0"), SHAFTS("SCALED=0 CLOUDS=1") },
+		{ SHAFTS("SCALED=1"), SHAFTS("SCALED=1 CLOUDS=1") } };
 	struct {
 		char mesh[36];
 		struct bending bending;
@@ -143,6 +134,7 @@ enum table_state shafts_need(struct frame_tables *tables, const struct scene *sc
 		struct SurfacesBlock block;
 		struct MediaBlock media;
 		struct BandsBlock bands;
+		struct CloudsBlock clouds; /* all 0: none */
 		vec4 vertical, sun;
 		float altitude;
 	} key;
@@ -160,9 +152,12 @@ enum table_state shafts_need(struct frame_tables *tables, const struct scene *sc
 	memcpy(key.vertical, scene->frame.vertical, sizeof key.vertical);
 	memcpy(key.sun, scene->frame.sun_direction, sizeof key.sun);
 	key.altitude = scene->frame.camera_altitude;
+	const bool clouds = scene->frame.features & FEATURE_CLOUDS;
+	if (clouds)
+		key.clouds = scene->clouds;
 	const enum table_state state = tables_need(tables, &tree, &tree_key, sizeof tree_key, batch, err);
 	if (state != TABLE_READY)
 		return state;
-	_Static_assert(sizeof key <= 1280, "raise KEY_MAX of tables.c");
-	return tables_need(tables, &shafts[scaled], &key, sizeof key, batch, err);
+	_Static_assert(sizeof key <= 1664, "raise KEY_MAX of tables.c");
+	return tables_need(tables, &shafts[scaled][clouds], &key, sizeof key, batch, err);
 }

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { TABLES_MAX = 256, KEY_MAX = 1280 };
+enum { TABLES_MAX = 256, KEY_MAX = 1664 };
 
 struct table {
 	unsigned texture;  /* 0 and object NULL: the slot is free */

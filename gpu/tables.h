@@ -28,7 +28,7 @@ struct table_desc {
 	int threads[3];           /* invocations; 0: one per texel */
 };
 
-/* Makes sure the table for this key (at most 1280 bytes) exists and binds it to its unit, with a linear
+/* Makes sure the table for this key (at most 1664 bytes) exists and binds it to its unit, with a linear
  * filter. Where it does not, the call dispatches its kernel with the blocks of the scene and the
  * batch bound. A kernel that runs once is ready for the passes that follow; of one that iterates each
  * call dispatches one run and says that it is building, and the caller waits for the device (and
@@ -46,7 +46,7 @@ bool tables_need_picture(struct frame_tables *tables, const void *kind, const vo
 unsigned tables_texture(const struct frame_tables *tables, int unit);
 
 /* Other things on the device, kept under the same budget and by the same rule: what is told apart by `kind`, the
- * address of something static, and a key of at most 1280 bytes. tables_kept: NULL where there is none; it counts as
+ * address of something static, and a key of at most 1664 bytes. tables_kept: NULL where there is none; it counts as
  * used by the slice in hand. tables_keep: object becomes the tables', which call destroy(object) when it has to go, and
  * right away when false is returned. */
 void *tables_kept(struct frame_tables *tables, const void *kind, const void *key, size_t key_size);

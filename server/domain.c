@@ -33,9 +33,6 @@ void domain_check(const struct welkin_request *request, struct welkin_faults *fa
 			"the method %s is not available: %s", method->name, status.reason);
 		return;
 	}
-	if (method->progressive && request->scene.name[0] && clouds_present(&request->clouds))
-		welkin_fault_add(faults, 422, "atmosphere.method", "a scene or clouds, one at a time",
-			"the paths of method %s go through clouds or meet a scene, not yet both", method->name);
 	if (method->progressive && request->image.format == WELKIN_EXR && request->image.layers & WELKIN_LAYER_CLOUDS &&
 		clouds_present(&request->clouds))
 		welkin_fault_add(faults, 422, "image.layers", "depth, transmittance, inscatter",

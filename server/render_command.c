@@ -367,10 +367,12 @@ static int read_request(const struct command *command, struct welkin_request *re
 }
 
 /* NULL after complaints. */
-static struct welkin_sequence *read_sequence(
-	const struct command *command, const struct frames_limits *limits, struct welkin_request *first)
+static struct welkin_sequence *read_sequence(const struct command *command, const struct frames_limits *limits,
+	struct scene_mesh **mesh, struct welkin_request *first)
 {
 	struct welkin_faults faults = { 0 };
+	struct welkin_draft draft = { 0 };
+	struct error err;
 	size_t size = 0;
 	char *text = read_file(command->request_path, &size);
 	if (!text) {
@@ -382,10 +384,16 @@ static struct welkin_sequence *read_sequence(
 	if (s)
 		parse_fields(command, welkin_sequence_base(s), &faults);
 	const enum welkin_format format = command->output == OUTPUT_EXR ? WELKIN_EXR : WELKIN_PNG;
-	if (s && !faults.n && frames_check(s, format, limits, &faults) &&
-		frames_request(s, 0, format, limits, first, &faults))
+	if (s)
+		frames_first(s, &draft);
+	const bool found = read_scene(command, &draft, mesh, &faults, &err);
+	if (found && s && !faults.n && frames_check(s, format, limits, *mesh, &faults) &&
+		frames_request(s, 0, format, limits, *mesh, first, &faults))
 		return s;
-	print_faults(&faults);
+	if (found)
+		print_faults(&faults);
+	else
+		complain("%s", err.text);
 	welkin_sequence_free(s);
 	return NULL;
 }
@@ -636,8 +644,8 @@ static bool render_frame(const struct command *command, struct run *run, const s
 	char path[4096];
 	if (!frame_path(command->out_path, frame, path, sizeof path))
 		return error_set(err, "the name of the output is too long");
-	if (!frames_request(
-		    s, frame, (enum welkin_format)p->job.request.image.format, limits, &p->job.request, &faults))
+	if (!frames_request(s, frame, (enum welkin_format)p->job.request.image.format, limits, run->scene,
+		    &p->job.request, &faults))
 		return error_set(err, "%s: %s", faults.list[0].field, faults.list[0].detail);
 	p->job.id = (uint64_t)frame + 1;
 	p->job.sequence = 1;
@@ -658,12 +666,16 @@ static int render_sequence(const struct command *command)
 	const struct frames_limits limits = { { max_pixels }, INFINITY };
 	static const struct welkin_photometer none;
 	struct run run = { .lock = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER, .methods_fd = -1 };
+	struct scene_mesh *scene = NULL;
 	struct welkin_request first;
 	struct error err = { "" };
 	bool done = false;
-	struct welkin_sequence *s = read_sequence(command, &limits, &first);
-	if (!s)
+	struct welkin_sequence *s = read_sequence(command, &limits, &scene, &first);
+	if (!s) {
+		scene_mesh_unref(scene);
 		return EXIT_BAD_REQUEST;
+	}
+	run.scene = scene;
 	buffer_pool_init(&run.pool, 0);
 	if (!bundle_methods(&run, &first, &err) || !prepare(&run, &first, &none, &err)) {
 		complain("%s", err.text);
@@ -678,6 +690,7 @@ static int render_sequence(const struct command *command)
 			complain("%s", err.text);
 	}
 	finish_run(&run);
+	scene_mesh_unref(scene);
 	welkin_sequence_free(s);
 	return done ? EXIT_DONE : EXIT_FAILED;
 }

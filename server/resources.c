@@ -199,7 +199,15 @@ static enum MHD_Result answer_sequences(struct call *call)
 		return reply_problem(call, 406, "This resource gives multipart/mixed.", NULL, 0);
 	struct welkin_sequence *frames = welkin_sequence_parse(
 		call->body.data ? call->body.data : "", call->body.length, o->max_frames, &faults);
-	if (frames && frames_check(frames, format, &limits, &faults))
+	struct welkin_draft first = { 0 };
+	enum MHD_Result result;
+	if (frames)
+		frames_first(frames, &first);
+	if (!find_scene(call, &first, &faults, &result)) {
+		welkin_sequence_free(frames);
+		return result;
+	}
+	if (frames && !faults.n && frames_check(frames, format, &limits, call->scene.mesh, &faults))
 		return sequence_begin(call, frames, format, &limits);
 	welkin_sequence_free(frames);
 	return reply_faults(call, &faults);

@@ -22,6 +22,7 @@ struct sequence {
 	struct connection *connection;
 	const char *path; /* the call's, which outlives the reply */
 	struct welkin_sequence *frames;
+	struct scene_mesh *scene; /* one reference; NULL: none */
 	struct frames_limits limits;
 	enum welkin_format format;
 	uint64_t id;
@@ -60,6 +61,7 @@ static void unref(struct sequence *s)
 	product_unref(s->product);
 	free(text_take(&s->head));
 	welkin_sequence_free(s->frames);
+	scene_mesh_unref(s->scene);
 	pthread_mutex_destroy(&s->lock);
 	free(s);
 	atomic_fetch_sub(&under_way, 1);
@@ -155,14 +157,14 @@ static void ask_frame(struct sequence *s)
 	s->references++;
 	pthread_mutex_unlock(&s->lock);
 	const int frame = s->asked++;
-	if (!frames_request(s->frames, frame, s->format, &s->limits, &request, &faults)) {
+	if (!frames_request(s->frames, frame, s->format, &s->limits, s->scene, &request, &faults)) {
 		settle_unasked(slot, faults.list[0].detail);
 		return;
 	}
 	/* What others left in the cache is as good, unless frames go by those before them; but a film does not push
 	 * their images out of it. */
 	s->chained = request.clouds.reprojection;
-	struct product *cached = !s->chained && render_key(s->http->service, &request, NULL, NULL, key)
+	struct product *cached = !s->chained && render_key(s->http->service, &request, s->scene, NULL, key)
 					 ? service_lookup(s->http->service, key)
 					 : NULL;
 	if (cached) {
@@ -171,7 +173,7 @@ static void ask_frame(struct sequence *s)
 		slot->ticket.outcome = OUTCOME_DONE;
 		slot->ticket.done(&slot->ticket);
 	} else {
-		service_submit(s->http->service, &slot->ticket, &request, NULL, NULL, NULL, NULL);
+		service_submit(s->http->service, &slot->ticket, &request, NULL, NULL, NULL, s->scene);
 	}
 }
 
@@ -348,6 +350,7 @@ enum MHD_Result sequence_begin(struct call *call, struct welkin_sequence *frames
 		.connection = call->connection,
 		.path = call->path,
 		.frames = frames,
+		.scene = call->scene.mesh ? scene_mesh_ref(call->scene.mesh) : NULL,
 		.limits = *limits,
 		.format = format,
 		.n = welkin_sequence_frames(frames),

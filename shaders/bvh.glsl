@@ -42,6 +42,11 @@ bool bvh_triangle(Triangle tri, vec3 origin, vec3 d, inout float t)
 	return hit;
 }
 
+#ifdef CLOUDS
+/* Nodes that rays of the invocation have visited, for a driver that ends loops after so many turns; cloud_path.glsl. */
+int bvh_visits = 0;
+#endif
+
 /* The nearest triangle in (0, t), or -1; any: one of them. */
 int bvh_trace(vec3 origin, vec3 d, inout float t, bool any_will_do)
 {
@@ -50,6 +55,9 @@ int bvh_trace(vec3 origin, vec3 d, inout float t, bool any_will_do)
 	int top = 1, hit = -1;
 	stack[0] = 0;
 	while (top > 0) {
+#ifdef CLOUDS
+		bvh_visits++;
+#endif
 		BvhNode node = bvh_nodes[stack[--top]];
 		float e0 = bvh_enter(node.child[0], origin, inverse, t), e1 = bvh_enter(node.child[1], origin, inverse, t);
 		int far_child = e1 > e0 ? 1 : 0;

@@ -8,6 +8,9 @@
 #include "cloud_shadow.glsl"
 #include "colour.glsl"
 #include "surface_distance.glsl"
+#ifdef SURFACES
+#include "shadow.glsl"
+#endif
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
@@ -51,8 +54,8 @@ vec4 shaded(vec3 d, float t_end, float through, float jitter)
 	return change * (under.x > 0.0 ? through : 1.0);
 }
 
-/* Radiance of the clouds at the place where the ray sees them, per sun irradiance of 1. */
-vec4 cloud_radiance(vec3 d, vec4 answer, float t)
+/* Radiance of the clouds at the place where the ray sees them, per sun irradiance of 1. lit: share of the sun that they see there. */
+vec4 cloud_radiance(vec3 d, vec4 answer, float t, float lit)
 {
 	vec3 up = frame.vertical.xyz, sun = frame.sun_direction.xyz;
 	float R = media.planet_radius, h = frame.camera_altitude;
@@ -61,7 +64,39 @@ vec4 cloud_radiance(vec3 d, vec4 answer, float t)
 	Moments m = multiple_moments(at, mu_s);
 	vec4 down = max(0.25 * m.m0 + 0.5 * m.vz, 0.0), back = max(0.25 * m.m0 - 0.5 * m.vz, 0.0);
 	vec4 sunlight = mu_s > mu_horizon(at) ? exp(-optical_depth(sun_column(at, mu_s))) : vec4(0.0);
-	return sunlight * answer.y + (down * answer.z + back * answer.w) / PI;
+	return sunlight * (lit * answer.y) + (down * answer.z + back * answer.w) / PI;
+}
+
+/* Share of the sun that a scene leaves to clouds at distance t. */
+float sunlit(vec3 d, float t)
+{
+#ifdef SURFACES
+	if ((frame.features & FEATURE_SHADOWS) != 0)
+		return shadow_of_air(d * t);
+#endif
+	return 1.0;
+}
+
+/* What the clouds before a side of a pixel do: T of what is behind comes through, and they add their own light and that of the
+ * air before them; shaded is what their shadows take. */
+struct Before {
+	float T, away;
+	vec4 own, shaded;
+};
+
+Before before_side(vec3 d, vec4 answer, vec4 where, float t_end)
+{
+	/* the air in front, by the two distances that share mean and variance with the clouds' opacity */
+	vec4 near_L, near_T, far_L, far_T;
+	aerial_perspective(d, max(where.x - where.y, 0.0), near_L, near_T);
+	aerial_perspective(d, where.x + where.y, far_L, far_T);
+	Before b;
+	b.T = answer.x;
+	b.away = where.x;
+	b.own = 0.5 * (near_T + far_T) * bands.sun_irradiance * cloud_radiance(d, answer, where.z, sunlit(d, where.z)) +
+		(1.0 - answer.x) * 0.5 * (near_L + far_L);
+	b.shaded = shaded(d, t_end, answer.x, 0.5);
+	return b;
 }
 
 /* A layer of their own of an image: without what their shadows take, which would make it negative. Where nothing is in
@@ -81,25 +116,32 @@ void main()
 	if (i >= tile.z * tile.w)
 		return;
 	bool spectral = (frame.features & FEATURE_SPECTRAL) != 0;
-	vec4 at = direction[spectral ? tile.x + i : i], answer = light[i];
+	vec4 at = direction[spectral ? tile.x + i : i];
 	if (at.w < 0.0) {
 		add_to_layer(i, vec3(0.0), 1.0, 0.0);
 		return;
 	}
-	/* the air in front, by the two distances that share mean and variance with the clouds' opacity */
-	vec4 where = place[i], near_L, near_T, far_L, far_T;
-	aerial_perspective(at.xyz, max(where.x - where.y, 0.0), near_L, near_T);
-	aerial_perspective(at.xyz, where.x + where.y, far_L, far_T);
-	vec4 own = 0.5 * (near_T + far_T) * bands.sun_irradiance * cloud_radiance(at.xyz, answer, where.z) +
-		 (1.0 - answer.x) * 0.5 * (near_L + far_L);
-	vec4 L = own + shaded(at.xyz, surface_distance(i), answer.x, 0.5);
+	float behind = 1.0, T = 0.0, away = 0.0, most = -1.0; /* behind: of the sky, which is all that is there so far */
+	vec4 own = vec4(0.0), L = vec4(0.0);
+	int side = first_side(i), last = last_side(i);
+	do {
+		int k = i + side * tile.z * tile.w;
+		float share = side_share(i, side);
+		Before b = before_side(at.xyz, light[k], place[k], side_distance(i, side));
+		behind = side == SIDE_SKY ? b.T : behind;
+		T += share * b.T;
+		own += share * b.own;
+		L += share * (b.own + b.shaded);
+		away = share * (1.0 - b.T) > most ? b.away : away;
+		most = max(most, share * (1.0 - b.T));
+	} while (++side <= last);
 	if (spectral) {
-		radiance[i] = radiance[i] * answer.x + L;
-		transmittance[i] *= answer.x;
+		radiance[i] = radiance[i] * behind + L;
+		transmittance[i] *= behind;
 		return;
 	}
-	add_to_layer(i, to_rgb(own), answer.x, where.x);
-	float through = batch == 0 ? answer.x : 1.0;
+	add_to_layer(i, to_rgb(own), T, away);
+	float through = batch == 0 ? behind : 1.0;
 	radiance[i] = radiance[i] * through + vec4(to_rgb(L), 0.0);
 	if ((frame.features & (FEATURE_SUN_DISK | FEATURE_LAYERS)) != 0)
 		transmittance[i].rgb *= through;

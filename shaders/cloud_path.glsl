@@ -5,9 +5,11 @@
  * majorants; where a cloud is denser than its majorant, weights make up for it (Galtier et al. 2013). Then a choice
  * between the stretch's end — that collision, else the ground — and a collision with the air in front of it, which
  * path.glsl's sampling places. Transmittance of clouds towards the sun is estimated by ratio tracking (Novák et al. 2014).
- * The thin high layer is a sheet with an optical depth, in which paths scatter as often as they will.
+ * The thin high layer is a sheet with an optical depth, in which paths scatter as often as they will. With a scene, its
+ * surfaces end ways before the cloud or the ground beyond, and hide the sun.
  *
- * Vectors are in cloud space's frame at the camera (east, up, south), so that positions keep their digits.
+ * Vectors are in cloud space's frame at the camera (east, up, south), so that positions keep their digits; but positions
+ * relative to the camera and what the scene says of itself are in world axes.
  */
 #include "path.glsl"
 #include "cloud_high.glsl"
@@ -21,7 +23,11 @@ const float NOWHERE = 1e30;
  * along counted: so a dispatch does so many and leaves the rest to the next one, in the midst of a way if need be. From where
  * the dispatches to come might not suffice, Russian roulette ends paths by the turns they take. */
 int turns = 0, stop = 0;
+#ifdef SCENE
+const int TURNS_A_DISPATCH = 1500; /* a way through the mesh may go beyond */
+#else
 const int TURNS_A_DISPATCH = 2400;
+#endif
 const int TURNS_BEFORE_ROULETTE = TURNS_A_DISPATCH * PATH_DISPATCHES * 2 / 3;
 const float TURNS_ALIVE = 2500.0; /* on the mean, then */
 
@@ -229,11 +235,50 @@ vec3 column_along(float h, float mu, float t, bool down)
 
 /* ---- paths ---- */
 
-const int MEETS_AIR = 0, MEETS_GROUND = 1, MEETS_CLOUD = 2;
+const int MEETS_AIR = 0, MEETS_GROUND = 1, MEETS_CLOUD = 2, MEETS_SURFACE = 3;
+
+#ifdef SCENE
+/* The sides of the pixel, rad, and where its ray enters the air, m: paths start all over the pixel, since edges and textures are
+ * finer. */
+vec3 pixel_right, pixel_down;
+float pixel_entered;
+
+/* Visits of nodes are several turns each. */
+void count_visits()
+{
+	turns += 2 * bvh_visits;
+	bvh_visits = 0;
+}
+
+/* Sunlight that a surface sends back along the path, as meet() has it, with the normal about which it goes on. */
+vec4 meet_surface(inout Vertex v, Surface s, out vec3 axis)
+{
+	Lighting light;
+	light.n = s.normal;
+	light.v = -path_to_world(v.d);
+	light.l = frame.sun_direction.xyz;
+	vec4 glint = spectral_albedo(clamp(specular_brdf(materials[s.material], light), 0.0, 1e3));
+	float nl = dot(s.face, light.l) > 0.0 ? max(dot(s.normal, light.l), 0.0) : 0.0;
+	v.at += s.face * scene_offset(v.at);
+	axis = from_world(s.normal);
+	return (spectral_albedo(s.albedo) / PI + glint) * nl;
+}
+#endif
+
+Vertex first_vertex(Vertex start)
+{
+#ifdef SCENE
+	start.d = normalize(start.d + (rng_next() - 0.5) * pixel_right + (rng_next() - 0.5) * pixel_down);
+	start.at = path_to_world(start.d) * pixel_entered;
+	if (pixel_entered > 0.0)
+		start.up = normalize(vec3(0.0, media.planet_radius + frame.camera_altitude, 0.0) + start.d * pixel_entered);
+#endif
+	return start;
+}
 
 /* Sunlight that a vertex sends back along its path, per irradiance of the sun there and transmittance; then a new direction
  * and its weight. */
-vec4 meet(inout Vertex v, int what, vec3 to_sun)
+vec4 meet(inout Vertex v, int what, vec3 to_sun, Surface surface_met)
 {
 	float nu = clamp(dot(v.d, to_sun), -1.0, 1.0), mu_s = dot(v.up, to_sun), u = rng_next(), choice = rng_next();
 	vec3 density = density_at(v.h);
@@ -254,6 +299,13 @@ vec4 meet(inout Vertex v, int what, vec3 to_sun)
 		axis = v.up;
 		cosine = sqrt(u);
 	}
+#ifdef SCENE
+	if (what == MEETS_SURFACE) {
+		answer = meet_surface(v, surface_met, axis);
+		factor = spectral_albedo(surface_met.albedo);
+		cosine = sqrt(u);
+	}
+#endif
 	answer *= v.beta;
 	v.beta *= factor;
 	v.d = around(axis, cosine, 2.0 * PI * rng_next());
@@ -281,6 +333,22 @@ void scatter_next(inout Paths p, Flight f, float ground, float extent, float hit
 	hit = min(hit, fly_sheet(f, min(hit, extent), p.sheet));
 	bool cloud = hit < NOWHERE;
 	float end = min(hit, extent);
+	vec4 end_albedo = cloud ? vec4(clouds.albedo) : bands.ground_albedo;
+	bool ends = cloud || down, surface = false;
+	Surface surface_met = surface_unpack(uvec4(0u));
+#ifdef SCENE
+	vec3 d = path_to_world(v.d);
+	int triangle = scene_meet(v.at, d, down && !cloud, end);
+	count_visits();
+	surface = triangle >= 0;
+	if (surface) {
+		surface_met = surface_hit(triangle, v.at, d, p.order == 1 ? 1e-4 : 0.02);
+		end_albedo = spectral_albedo(surface_met.albedo);
+		p.sheet = Sheet(0.0, 0.0);
+		cloud = false;
+		ends = true;
+	}
+#endif
 	v.beta *= p.weight;
 	if (p.order == 1)
 		p.clear += cloud ? 0.0 : p.weight;
@@ -288,11 +356,10 @@ void scatter_next(inout Paths p, Flight f, float ground, float extent, float hit
 	/* the end of the way, or the air on it: by what either can bring */
 	vec4 through = exp(-optical_depth(column_along(v.h, f.mu, end, down)));
 #ifdef FURNACE
-	p.L += cloud || down ? vec4(0.0) : v.beta * through;
+	p.L += ends ? vec4(0.0) : v.beta * through;
 #endif
 	float p_end = 0.0;
-	if (cloud || down) {
-		vec4 end_albedo = cloud ? vec4(clouds.albedo) : bands.ground_albedo;
+	if (ends) {
 		float to_end = band_mean(abs(v.beta) * end_albedo * through), to_air = band_mean(abs(v.beta) * (1.0 - through));
 		p_end = to_end / max(to_end + to_air, 1e-30);
 	}
@@ -305,9 +372,9 @@ void scatter_next(inout Paths p, Flight f, float ground, float extent, float hit
 	}
 	v.beta *= through * (at_end ? 1.0 / p_end : jacobian / (1.0 - p_end));
 	move(v, f.mu, at_end ? end : t);
-	int what = !at_end ? MEETS_AIR : cloud ? MEETS_CLOUD : MEETS_GROUND;
+	int what = !at_end ? MEETS_AIR : surface ? MEETS_SURFACE : cloud ? MEETS_CLOUD : MEETS_GROUND;
 	v.h = what == MEETS_GROUND ? 0.0 : p.sheet.depth > 0.0 ? clouds.high_altitude : v.h;
-	p.answer = meet(v, what, to_sun);
+	p.answer = meet(v, what, to_sun, surface_met);
 	p.v = v;
 }
 
@@ -324,7 +391,7 @@ void go_on(inout Paths p, Vertex start, int max_order)
 	p.order = ends ? 1 : p.order + 1;
 	p.sheet.depth = ends ? 0.0 : p.sheet.depth;
 	if (ends)
-		p.v = start;
+		p.v = first_vertex(start);
 }
 
 /* In one loop over paths and orders, so that invocations that run in step wait for each other at the end only. Returns
@@ -354,6 +421,12 @@ void follow(inout Paths p, Vertex start, int count, int max_order)
 			Flight f = flight_along(p.v, to_sun, mu_s, NOWHERE);
 			p.weight = band_mean(T * abs(p.answer)) > 0.0 ? p.weight : 0.0;
 			pass_layer(f, p.t, p.weight, interrupted);
+#ifdef SCENE
+			if (!interrupted && p.weight != 0.0) {
+				p.weight *= scene_sunlit(p.v.at);
+				count_visits();
+			}
+#endif
 			if (!interrupted) {
 #ifndef FURNACE
 				p.L += p.answer * T * bands.sun_irradiance * (p.weight * sheet_transmittance(f, p.sheet));

@@ -1,24 +1,42 @@
 /*
- * Clouds' shadows: what is left of the sun, and what comes instead of it, below the layer, from the table of light in clouds.
+ * Clouds' shadows: what is left of the sun, and what comes instead of it, from the table of light in clouds.
  */
 #include "cloud_light.glsl"
 
-/* Table values at the layer's bottom where the ray from q to the sun meets it, averaged over at least so coarse a level. */
+/* Where the ray from q, below the layer's top, to the sun is first within the layer. */
+vec3 cloud_below_point(vec3 q, vec3 to_sun)
+{
+	float up = max(clouds.bottom - q.y, 0.0) / max(to_sun.y, 1e-3);
+	return cloud_grid_home(vec3(q.x + to_sun.x * up, max(q.y, clouds.bottom), q.z + to_sun.z * up));
+}
+
+vec4 cloud_light_of_level(vec3 at, int level)
+{
+	return textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(at, level), level), 0.0);
+}
+
+/* Table values there, averaged over at least so coarse a level. */
 vec4 cloud_below_light(vec3 q, vec3 to_sun, int least)
 {
-	float up = (clouds.bottom - q.y) / max(to_sun.y, 1e-3);
-	vec3 at = vec3(q.x + to_sun.x * up, clouds.bottom, q.z + to_sun.z * up);
-	at = cloud_grid_home(at);
-	int level = cloud_grid_level(at, least);
-	return textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(at, level), level), 0.0);
+	vec3 at = cloud_below_point(q, to_sun);
+	return cloud_light_of_level(at, cloud_grid_level(at, least));
+}
+
+/* Of the finest level, and on surfaces, where an edge would show, without one between levels: transmittance. */
+float cloud_below_sharp(vec3 q, vec3 to_sun)
+{
+	vec3 at = cloud_below_point(q, to_sun);
+	int level = cloud_grid_level(at, 0);
+	float blend = smoothstep(0.8, 1.0, cloud_grid_reach(at, level));
+	return mix(cloud_light_of_level(at, level).w, cloud_light_of_level(at, min(level + 1, CLOUD_GRID_LEVELS - 1)).w, blend);
 }
 
 /* On level ground at q: share of the sun's irradiance that comes straight or nearly so; irradiance that comes diffused, per sun irradiance
  * of 1 on a plane that faces it; share of the sky's. */
 vec3 cloud_ground_light(vec3 q, vec3 to_sun)
 {
-	vec4 sharp = cloud_below_light(q, to_sun, 0), wide = cloud_below_light(q, vec3(0.0, 1.0, 0.0), 1);
-	return vec3(sharp.w, 0.5 * wide.x, min(wide.y / (2.0 * PI), 1.0));
+	vec4 wide = cloud_below_light(q, vec3(0.0, 1.0, 0.0), 1);
+	return vec3(cloud_below_sharp(q, to_sun), 0.5 * wide.x, min(wide.y / (2.0 * PI), 1.0));
 }
 
 /* Light in the air along a stretch of a ray below the layer, relative to a clear sky's: sun that comes through, and
@@ -34,4 +52,21 @@ float cloud_air_light(CloudRay ray, vec2 stretch, float jitter)
 		sum += min(light.w + light.x, 1.0);
 	}
 	return sum / float(SAMPLES);
+}
+
+/* Share of the sun's light at q, at any height, that comes straight or nearly so. */
+float cloud_sun_share(vec3 q, vec3 to_sun)
+{
+	return q.y < clouds.top ? cloud_below_light(q, to_sun, 0).w : 1.0;
+}
+
+/* cloud_ground_light() at any height. With cloud below it as well, light comes from there too: half of what there is, on a
+ * level plane. */
+vec3 cloud_light_on(vec3 q, vec3 to_sun)
+{
+	int level = cloud_grid_level(cloud_grid_home(q), 1);
+	vec3 place = cloud_grid_coordinates(cloud_grid_place(cloud_grid_home(q), level), level);
+	float depth = textureLod(cloud_cells_texture, place, 0.0).r * cloud_light_scale() * max(q.y - clouds.bottom, 0.0);
+	vec3 seen = cloud_ground_light(q, to_sun) * vec3(1.0, vec2(0.5 + 0.5 * exp(-depth)));
+	return q.y < clouds.top ? seen : vec3(1.0, 0.0, 1.0);
 }

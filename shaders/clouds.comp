@@ -66,9 +66,12 @@ void main()
 	if (i >= tile.z * tile.w)
 		return;
 	vec4 d = direction[(frame.features & FEATURE_SPECTRAL) != 0 ? tile.x + i : i];
-	Clouds c = march(d, tile.xy + ivec2(i % tile.z, i / tile.z), surface_distance(i));
-	light[i] = c.light;
-	place[i] = c.place;
+	int side = first_side(i), last = last_side(i);
+	do {
+		Clouds c = march(d, tile.xy + ivec2(i % tile.z, i / tile.z), side_distance(i, side));
+		light[i + side * tile.z * tile.w] = c.light;
+		place[i + side * tile.z * tile.w] = c.place;
+	} while (++side <= last);
 }
 #elif RAYS == CLOUD_RAYS_CORNERS || RAYS == CLOUD_RAYS_BLOCKS
 void main()

@@ -11,6 +11,7 @@
  */
 #include "column.glsl"
 #include "sun_column.glsl"
+#include "surface_record.glsl" /* here, since files are included once, and below only where SCENE is */
 #ifdef SCENE
 #include "path_scene.glsl"
 #endif
@@ -89,13 +90,25 @@ struct Vertex {
 #endif
 };
 
+#ifdef SCENE
+/* A path's direction in world axes: it goes by those, unless clouds have it go by their own (cloud_path.glsl). */
+vec3 path_to_world(vec3 d)
+{
+#ifdef CLOUDS
+	return clouds.east.xyz * d.x + frame.vertical.xyz * d.y + clouds.south.xyz * d.z;
+#else
+	return d;
+#endif
+}
+#endif
+
 void move(inout Vertex v, float mu, float t)
 {
 	float h = altitude_at(v.h, mu, t);
 	v.up = normalize(v.up * (media.planet_radius + v.h) + v.d * t);
 	v.h = h;
 #ifdef SCENE
-	v.at += v.d * t;
+	v.at += path_to_world(v.d) * t;
 #endif
 }
 

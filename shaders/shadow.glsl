@@ -69,3 +69,11 @@ float shadow_of_surface(vec3 v, vec3 face)
 		return shadow_variance(place, layer);
 	return textureLod(shadow_depth, vec3(place.xy, layer), 0.0).r < place.z ? 0.0 : 1.0;
 }
+
+/* Share of the sun that a point in the air sees. */
+float shadow_of_air(vec3 v)
+{
+	int cascade;
+	vec3 place = shadow_place(v, cascade);
+	return shadow_holds(place) ? texture(shadow_map, vec4(place.xy, float(cascade), min(place.z, 1.0))) : 1.0;
+}

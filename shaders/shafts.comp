@@ -10,6 +10,10 @@
 #endif
 
 layout(binding = UNIT_SHAFTS) uniform sampler3D shafts_table;
+#ifdef CLOUDS
+layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer CloudsBefore { vec4 cloud_light[]; }; /* as cloud_compose.comp reads them */
+layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer CloudsPlace { vec4 cloud_place[]; };
+#endif
 
 const int SOURCE_EVERY = 8;   /* samples of the shadow for one of the light: that varies slowly */
 const int REST_SAMPLES = 4;
@@ -64,34 +68,72 @@ vec4 lost_by_table(vec3 d, ShaftRay ray, float end)
 	return lost;
 }
 
+vec4 lost_up_to(vec3 d, ShaftRay ray, float end)
+{
+#if EPIPOLAR
+	return lost_by_table(d, ray, end);
+#else
+	return lost_by_march(ray, end);
+#endif
+}
+
+/* Weights of the rays that make up a pixel: up to the surface, and up to the clouds before it; the same of the sky beside it.
+ * Few pixels have more than one, and nothing should cost them all twice. */
+vec4 ray_weights(int i)
+{
+	float covered = surface_coverage(surface[i]);
+#ifdef CLOUDS
+	int behind = tile.z * tile.w + i;
+	return vec4(covered, covered * (1.0 - cloud_light[behind].x), 1.0 - covered, (1.0 - covered) * (1.0 - cloud_light[i].x));
+#else
+	return vec4(covered, 0.0, 1.0 - covered, 0.0);
+#endif
+}
+
+float ray_end(int i, ShaftRay ray, int which)
+{
+	float ground = ray_ground_distance(ray.h, ray.mu);
+	float end = which < 2 ? uintBitsToFloat(surface[i].x) : ground >= 0.0 ? ground : 1e9;
+#ifdef CLOUDS
+	int side = which < 2 ? tile.z * tile.w + i : i;
+	end = (which & 1) != 0 ? min(end, cloud_place[side].x) : end;
+#endif
+	return end;
+}
+
+/* lost gets what the pixel loses; air, what it would without clouds, which let a part of it through and have air of their own before
+ * them. */
+void lost_by_rays(int i, vec3 d, out vec4 lost, out vec4 air)
+{
+	ShaftRay ray = shaft_ray(d);
+	vec4 weights = ray_weights(i);
+	lost = air = vec4(0.0);
+	int which = weights.x > 0.0 ? 0 : 2;
+	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
+		vec4 whole = lost_up_to(d, ray, ray_end(i, ray, which));
+		bool all_of_it = (which & 1) == 0;
+		lost += whole * (all_of_it ? weights[which] - weights[which + 1] : weights[which]);
+		air += whole * (all_of_it ? weights[which] : 0.0);
+		do
+			which++;
+		while (which < 4 && weights[which] <= 0.0);
+	} while (which < 4);
+}
+
 void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
 	if (i >= tile.z * tile.w)
 		return;
-	uvec4 record = surface[i];
-	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i];
+	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i], lost, air;
 	if (at.w < 0.0)
 		return;
-	ShaftRay ray = shaft_ray(at.xyz);
-	float covered = surface_coverage(record), ground = ray_ground_distance(ray.h, ray.mu);
-	vec4 lost = vec4(0.0);
-	/* the surface's share of the pixel, then the sky's: few have both, and nothing should cost them all twice */
-	for (int side = covered > 0.0 ? 0 : 1; side <= (covered < 1.0 ? 1 : 0); side++) {
-		float weight = side == 0 ? covered : 1.0 - covered;
-		float end = side == 0 ? uintBitsToFloat(record.x) : ground >= 0.0 ? ground : 1e9;
-#if EPIPOLAR
-		lost += weight * lost_by_table(at.xyz, ray, end);
-#else
-		lost += weight * lost_by_march(ray, end);
-#endif
-	}
+	lost_by_rays(i, at.xyz, lost, air);
 	if (feature(FEATURE_SPECTRAL)) {
 		radiance[i] = max(radiance[i] - lost, 0.0);
 		return;
 	}
-	vec3 rgb = to_rgb(lost);
-	radiance[i].rgb -= rgb;
+	radiance[i].rgb -= to_rgb(lost);
 	if (feature(FEATURE_LAYERS))
-		inscatter[i].rgb -= rgb;
+		inscatter[i].rgb -= to_rgb(air);
 }

@@ -11,6 +11,10 @@
  */
 #include "multiple_table.glsl"
 #include "shadow.glsl"
+/* CLOUDS, chosen when the program is built: what they shade, the scene can't shade again. */
+#ifdef CLOUDS
+#include "cloud_shadow.glsl"
+#endif
 
 /* Chosen when the program is built: extinction as the method has it. */
 #ifndef SCALED
@@ -33,6 +37,9 @@ struct ShaftRay {
 	float entered, top;    /* m: the stretch inside the atmosphere */
 	vec3 place, step;      /* shadow map: at the camera, and per m */
 	float phase_rayleigh, phase_aerosol;
+#ifdef CLOUDS
+	CloudRay in_clouds;
+#endif
 };
 
 ShaftRay shaft_ray(vec3 d)
@@ -51,10 +58,24 @@ ShaftRay shaft_ray(vec3 d)
 	ray.step = vec3(dot(surfaces.shadow_row[row].xyz, d), dot(surfaces.shadow_row[row + 1].xyz, d), dot(surfaces.shadow_row[row + 2].xyz, d));
 	ray.phase_rayleigh = phase_rayleigh(ray.nu);
 	ray.phase_aerosol = phase_aerosol(ray.nu);
+#ifdef CLOUDS
+	ray.in_clouds = cloud_ray(d, up, frame.camera_altitude);
+#endif
 	return ray;
 }
 
-/* Light scattered towards the camera per m at distance t, were it lit; column: of the ray up to there, which goes on by dt. */
+/* Share of the sun's light that clouds leave to distance t. */
+float shaft_under_clouds(ShaftRay ray, float t)
+{
+#ifdef CLOUDS
+	vec3 q = cloud_point(ray.in_clouds, t);
+	if (clouds.weather.z > 0.0)
+		return cloud_sun_share(q, cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q));
+#endif
+	return 1.0;
+}
+
+/* Light scattered towards the camera per m at distance t, had the scene no shadow; column: of the ray up to there, which goes on by dt. */
 vec4 shaft_source(ShaftRay ray, float t, float dt, inout vec3 column)
 {
 	float R = media.planet_radius, h = altitude_at(ray.h, ray.mu, t);
@@ -64,7 +85,7 @@ vec4 shaft_source(ShaftRay ray, float t, float dt, inout vec3 column)
 	if (mu_s <= mu_horizon(h) || h > media.top)
 		return vec4(0.0);
 	vec4 scattering = bands.rayleigh * (density.x * ray.phase_rayleigh) + bands.aerosol_scattering * (density.y * ray.phase_aerosol);
-	return bands.sun_irradiance * scattering * exp(-shaft_depth(half_way + sun_column(h, mu_s)));
+	return bands.sun_irradiance * scattering * exp(-shaft_depth(half_way + sun_column(h, mu_s))) * shaft_under_clouds(ray, t);
 }
 
 /* Column between two distances, by a few steps. */

@@ -44,7 +44,7 @@ typedef unsigned int uint;
 #define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp */
 #define BIND_CLOUD_PLACE 8   /* vec4 per pixel: where they are */
 #define BIND_PATHS 8         /* kernel of the reference: PATH_UVEC4S per ray, paths through clouds that the next dispatch goes on with */
-#define PATH_UVEC4S 7
+#define PATH_UVEC4S 8
 #define PATH_DISPATCHES 32   /* so many at most, counted by LOCATION_ITERATION */
 #define BIND_SURFACES 9      /* uvec4 per pixel: what of the scene it shows, shaders/surface_record.glsl */
 #define BIND_CLOUD_LAYER 10   /* two vec4 per pixel: light that clouds add, linear Rec.709 cd/m², and their transmittance; x of the other: their mean distance in m */

@@ -20,15 +20,16 @@ bool feature(int bit)
 	return (frame.features & bit) != 0;
 }
 
-/* Adds a surface at distance t to a pixel whose batch the sky's kernel has begun: the air before it, and its own light
- * that arrives. */
-void add_surface(int i, float t, float coverage, vec4 air, vec4 L)
+/* Adds a surface at distance t to a pixel whose batch the sky's kernel has begun: the air before it, its own light
+ * that arrives, and what share of both clouds let through. */
+void add_surface(int i, float t, float coverage, vec4 air, vec4 L, float through)
 {
+	float share = coverage * through;
 	if (feature(FEATURE_SPECTRAL)) {
-		radiance[i] += coverage * (air + L);
+		radiance[i] += share * (air + L);
 		return;
 	}
-	radiance[i].rgb += coverage * to_rgb(air + L);
+	radiance[i].rgb += share * to_rgb(air + L);
 	if (feature(FEATURE_LAYERS))
 		inscatter[i] = vec4(inscatter[i].rgb + coverage * to_rgb(air), t);
 }

@@ -14,6 +14,10 @@
 #include "aerial.glsl"
 #endif
 #include "sky_output.glsl"
+/* CLOUDS, chosen when the program is built: there are some, which shade surfaces and stand before them. */
+#ifdef CLOUDS
+#include "surface_clouds.glsl"
+#endif
 
 /* Light of a surface seen along d, and of the air before it, weighed by the share of the pixel. */
 void light_pixel(int i, vec3 d, Surface s)
@@ -36,11 +40,19 @@ void light_pixel(int i, vec3 d, Surface s)
 	light.lit = dot(s.face, light.l) > 0.0 ? 1.0 : 0.0;
 	if (feature(FEATURE_SHADOWS))
 		light.lit *= shadow_of_surface(v, s.face);
+#ifdef CLOUDS
+	under_clouds(light, d, s.t, up);
+#endif
 	Material m = materials[s.material];
 	vec4 L = surfaces.shading == SHADING_PHONG ? shade_phong(m, s.albedo, light) : shade_physical(m, s.albedo, light);
 	vec4 air, T;
 	aerial_perspective(d, s.t, air, T);
-	add_surface(i, s.t, s.coverage, air, T * L);
+#ifdef CLOUDS
+	float through = cloud_light[tile.z * tile.w + i].x;
+#else
+	float through = 1.0;
+#endif
+	add_surface(i, s.t, s.coverage, air, T * L, through);
 }
 
 void main()

@@ -456,6 +456,50 @@ static void same_bytes_without_a_daemon(void **state)
 	"\"image\":{\"width\":256,\"height\":144},\"atmosphere\":{\"method\":\"sky_view\"},\"clouds\":{\"preset\":"    \
 	"\"cumulus\",\"reprojection\":true},\"camera\":{\"pitch_deg\":20}"
 
+/* All frames have the scene of the first: the same bytes by both ways, and as the single render of a frame; faults of a
+ * scene come before the first frame. */
+static void sequences_have_a_scene(void **state)
+{
+	(void)state;
+	char folder[] = "/tmp/welkin-sequence-XXXXXX", path[128];
+	static const char text[] = "{\"image\":{\"width\":48,\"height\":32},\"scene\":{\"name\":\"city\"},\"fps\":1,"
+				   "\"duration_s\":3,\"keyframes\":["
+				   "{\"at_s\":0,\"camera\":{\"heading_deg\":20},\"sun\":{\"elevation_deg\":20}},"
+				   "{\"at_s\":2,\"camera\":{\"heading_deg\":40},\"sun\":{\"elevation_deg\":30}}]}";
+	static const char last[] =
+		"/v1/render.png?image.width=48&image.height=32&scene.name=city&camera.heading_deg=40&"
+		"sun.elevation_deg=30";
+	assert_non_null(mkdtemp(folder));
+	render_to(folder, text);
+	struct daemon_process *d = daemon_start(false, (const char *const[]){ "--device", "software", NULL });
+	struct part parts[4];
+	bool ended;
+	struct http_reply r = post(d, text, 200), one = get(d->url, last);
+	assert_int_equal(split(&r, parts, 4, &ended), 3);
+	assert_same_files(folder, parts);
+	assert_int_equal(one.status, 200);
+	assert_int_equal(one.size, parts[2].size);
+	assert_memory_equal(one.body, parts[2].body, one.size);
+	reply_finish(&one);
+	reply_finish(&r);
+	static const char *const faulty[][2] = {
+		{ "{\"scene\":{\"name\":\"atlantis\"},\"frames\":[{}]}", "there is no scene" },
+		{ "{\"frames\":[{\"scene\":{\"name\":\"city\"}},{\"scene\":{\"name\":\"mountains\"}}]}",
+			"has one scene" },
+		{ "{\"frames\":[{},{\"scene\":{\"name\":\"city\"}}]}", "has one scene" },
+	};
+	for (size_t i = 0; i < sizeof faulty / sizeof faulty[0]; i++) {
+		r = post(d, faulty[i][0], 422);
+		if (!strstr(r.body, faulty[i][1]))
+			fail_msg("%s: %.300s", faulty[i][0], r.body);
+		reply_finish(&r);
+	}
+	daemon_stop(d);
+	snprintf(path, sizeof path, "%s/s.json", folder);
+	unlink(path);
+	rmdir(folder);
+}
+
 /* Clouds from the frame before: two at once don't mix, and neither takes single renders for its frames or leaves its
  * frames to those. */
 static void frames_go_by_those_before_them(void **state)
@@ -518,6 +562,7 @@ int main(int argc, char **argv)
 		cmocka_unit_test(shares_the_renderer),
 		cmocka_unit_test(ends_with_the_daemon_and_the_renderer),
 		cmocka_unit_test(same_bytes_without_a_daemon),
+		cmocka_unit_test(sequences_have_a_scene),
 		cmocka_unit_test(frames_go_by_those_before_them),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);

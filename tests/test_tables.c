@@ -218,13 +218,13 @@ static void faults(void **state)
 	static const struct table_desc unknown = {
 		.name = "nothing", .width = 4, .height = 4, .internal_format = GL_R8
 	};
-	static const char key[1300];
+	static const char key[1700];
 	struct error err = { "" };
 	struct frame_tables *tables = tables_of(2);
 	assert_int_equal(tables_need(tables, &unknown, key, 4, 0, &err), TABLE_FAILED);
 	assert_non_null(strstr(err.text, "tables/nothing.comp"));
 	assert_int_equal(tables_need(tables, &desc, key, sizeof key, 0, &err), TABLE_FAILED);
-	assert_non_null(strstr(err.text, "1300"));
+	assert_non_null(strstr(err.text, "1700"));
 	assert_true(tables_bytes(tables) == 0);
 	tables_destroy(tables);
 	tables_destroy(NULL);

@@ -31,7 +31,15 @@ Paths load_paths(int at)
 	uvec4 counts = stored[at + 6];
 	rng_state = counts.x;
 	turns = int(counts.w >> 1);
-	return Paths(Vertex(up.w, up.xyz, d.xyz, stored_at(at + 2)), Sheet(way.x, way.y), int(counts.y & 255u), int(counts.y >> 8), int(counts.z),
+	Vertex v;
+	v.h = up.w;
+	v.up = up.xyz;
+	v.d = d.xyz;
+	v.beta = stored_at(at + 2);
+#ifdef SCENE
+	v.at = stored_at(at + 7).xyz;
+#endif
+	return Paths(v, Sheet(way.x, way.y), int(counts.y & 255u), int(counts.y >> 8), int(counts.z),
 		stored_at(at + 3), d.w, (counts.w & 1u) != 0u, way.z, way.w, stored_at(at + 4));
 }
 
@@ -44,6 +52,9 @@ void store_paths(int at, Paths p)
 	stored[at + 4] = floatBitsToUint(p.answer);
 	stored[at + 5] = floatBitsToUint(vec4(p.sheet.depth, p.sheet.above, p.t, p.weight));
 	stored[at + 6] = uvec4(rng_state, uint(p.path) | uint(p.order) << 8, uint(p.since), uint(turns) << 1 | uint(p.sunward));
+#ifdef SCENE
+	stored[at + 7] = floatBitsToUint(vec4(p.v.at, 0.0));
+#endif
 }
 
 int first_stored()
@@ -61,7 +72,7 @@ bool paths_left()
 bool follow_stored(Vertex start, out vec4 L, out float clear)
 {
 	int at = first_stored();
-	Paths p = Paths(start, Sheet(0.0, 0.0), 0, 1, 0, vec4(0.0), 0.0, false, 0.0, 1.0, vec4(0.0));
+	Paths p = Paths(first_vertex(start), Sheet(0.0, 0.0), 0, 1, 0, vec4(0.0), 0.0, false, 0.0, 1.0, vec4(0.0));
 	if (iteration > 0)
 		p = load_paths(at);
 	follow(p, start, samples.z, samples.w);
@@ -102,19 +113,24 @@ void sample_sky(Ray ray, out vec4 L, out vec4 T)
 	int index = int(gl_GlobalInvocationID.x), group = samples.x + index % samples.y;
 	uvec2 pixel = uvec2(tile.x + (index / samples.y) % tile.z, tile.y + (index / samples.y) / tile.z);
 	rng_seed(pixel.x + 65536u * pixel.y, uint(group) + 16777216u * uint(batch), frame.seed);
+#ifdef SCENE
+	vec3 x = normalize(cross(ray.d, frame.camera_up.xyz)), y = cross(x, ray.d);
+	float angle = sqrt(max(ray.pixel_solid_angle, 0.0));
+#endif
 #ifdef CLOUDS
 	start.d = from_world(ray.d);
 	start.up = vec3(0.0, 1.0, 0.0);
 	if (entered > 0.0)
 		start.up = normalize(start.up * (media.planet_radius + ray.h) + start.d * entered);
+#ifdef SCENE
+	pixel_right = from_world(angle * x);
+	pixel_down = from_world(angle * y);
+	pixel_entered = entered;
+#endif
 	float clear;
 	sky_pending = !follow_stored(start, L, clear);
 	T *= clear;
 #else
-#ifdef SCENE
-	vec3 x = normalize(cross(ray.d, frame.camera_up.xyz)), y = cross(x, ray.d);
-	float angle = sqrt(max(ray.pixel_solid_angle, 0.0));
-#endif
 	/* one loop through the vertices of all paths: lanes that run together do not wait for the longest of each */
 	Vertex v;
 	float s0;
