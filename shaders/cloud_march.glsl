@@ -182,19 +182,21 @@ float next_step(March m, float sigma, float coarse)
 	return sigma > 0.0 ? clamp(HIDDEN * (1.0 - 0.6 * log(max(m.T, 1e-8))) / sigma, 0.3 * coarse, 2.0 * coarse) : 1.5 * coarse;
 }
 
-/* Goes on to where there may be a cloud: in large strides, the larger where the weather has none, and back to where it begins. */
+/* Goes on to where there may be a cloud: in large strides, the larger where the weather has none, and back to where it begins;
+ * back as well from beyond the end, before which a stride may have passed over one. */
 Sample next_cloud(Stretch s, inout float t, float length_, inout int left)
 {
 	/* found: where a cloud was met; the march may begin before the camera */
 	float gap = 0.0, found = -1e30, coarse = coarse_step(s, t), whole = s.end - s.start;
 	for (;;) {
 		Sample p = sample_at(s, t, length_);
-		if ((p.shape > 0.0 && gap <= 2.0 * coarse) || p.t >= s.end || left <= 0)
+		bool over = p.t >= s.end;
+		if ((p.shape > 0.0 && gap <= 2.0 * coarse) || (over && gap <= coarse) || left <= 0)
 			return p;
 		left--;
 		length_ = coarse;
 		float stride = cloud_may_be(p.q, p.weather) ? max(min(CARVED, 0.1 * whole), 2.0 * coarse) : max(min(SMALLEST, 0.1 * whole), 3.0 * coarse);
-		if (p.shape > 0.0) {
+		if (p.shape > 0.0 || over) {
 			found = t;
 			gap *= 0.25;
 			t -= 3.0 * gap;
