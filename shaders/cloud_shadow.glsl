@@ -14,11 +14,12 @@ vec4 cloud_below_light(vec3 q, vec3 to_sun, int least)
 }
 
 /* On level ground at q: share of the sun's irradiance that comes straight or nearly so; irradiance that comes diffused, per sun irradiance
- * of 1 on a plane that faces it; share of the sky's. */
-vec3 cloud_ground_light(vec3 q, vec3 to_sun)
+ * of 1 on a plane that faces it; share of the sky's; share of the ground's own light that clouds send back. Averaged over cells of at
+ * least such a level, what is not straight over those of the next. */
+vec4 cloud_ground_light(vec3 q, vec3 to_sun, int least)
 {
-	vec4 sharp = cloud_below_light(q, to_sun, 0), wide = cloud_below_light(q, vec3(0.0, 1.0, 0.0), 1);
-	return vec3(sharp.w, 0.5 * wide.x, min(wide.y / (2.0 * PI), 1.0));
+	vec4 sharp = cloud_below_light(q, to_sun, least), wide = cloud_below_light(q, vec3(0.0, 1.0, 0.0), min(least + 1, CLOUD_GRID_LEVELS - 1));
+	return vec4(sharp.w, 0.5 * wide.x, clamp(vec2(wide.y, wide.z - 2.0 * PI) / (2.0 * PI), 0.0, 1.0));
 }
 
 /* Light in the air along a stretch of a ray below the layer, relative to a clear sky's: sun that comes through, and
