@@ -114,7 +114,7 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_LIB) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
 	@mkdir -p $(@D)
 	@echo "  LINK $@"; $(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
 
-PROGRAMS  := bench_madrid bench_clouds cloud_light soak bench_probe bench_encode bench_frames accuracy chart failures
+PROGRAMS  := bench_madrid bench_clouds cloud_light cloud_scenes soak bench_probe bench_encode bench_frames accuracy chart failures
 .PHONY: tests programs
 tests: $(TEST_BIN) $(B)/welkin
 programs: $(PROGRAMS:%=$(B)/tests/%) $(B)/welkin
@@ -185,11 +185,12 @@ bench-clouds: $(B)/tests/bench_clouds
 	$(B)/tests/bench_clouds
 soak: programs
 	$(B)/tests/soak
-smoke: programs
+smoke: programs $(B)/octaves/cloud_light.glsl
 	$(B)/tests/soak --smoke
 	$(B)/tests/bench_probe --smoke
 	$(B)/tests/bench_frames --smoke
 	$(B)/tests/cloud_light --smoke
+	$(B)/tests/cloud_scenes --smoke --octaves $(B)/octaves
 	$(B)/tests/bench_madrid --smoke
 	$(B)/tests/bench_clouds --smoke
 fit: $(B)/tests/fit_sky
@@ -208,6 +209,17 @@ accuracy: $(B)/tests/accuracy
 cloud-light: $(B)/tests/cloud_light
 	@mkdir -p $(B)/cloud-light
 	$(B)/tests/cloud_light $(B)/cloud-light
+
+# Whole pictures of clouds against the path tracer, whose own are kept for the next time; beside them the popular octaves.
+.PHONY: cloud-scenes
+$(B)/octaves/cloud_light.glsl: $(SHADERS) tests/shaders/cloud_octaves.glsl tests/shaders/octaves.glsl
+	@mkdir -p $(@D)
+	cp -R shaders/. $(@D)
+	cp tests/shaders/octaves.glsl $(@D)
+	cp tests/shaders/cloud_octaves.glsl $@
+cloud-scenes: $(B)/tests/cloud_scenes $(B)/octaves/cloud_light.glsl
+	@mkdir -p $(B)/cloud-scenes
+	$(B)/tests/cloud_scenes --octaves $(B)/octaves $(B)/cloud-scenes
 
 # Error against milliseconds, and where methods fail. WELKIN_DEVICE names the device; auto by default.
 .PHONY: chart chart-update chart-smoke failures failures-smoke

@@ -32,6 +32,7 @@ static const char *const cloud_shapes[] = { "dilated_squared", "dilated", "carve
 	"worley", "uniform", NULL };
 static const char *const worley_metrics[] = { "euclidean", "manhattan", NULL };
 static const char *const high_clouds[] = { "cirrus", "cirrocumulus", "altocumulus", NULL };
+static const char *const noise_volumes[] = { "procedural", "scene", NULL };
 static const char *const weather_maps[] = { "procedural", "scene", NULL };
 static const char *const cloud_savings[] = { "steps_by_elevation", "early_exit", "empty_space", "adaptive_steps",
 	"light_volume", "half_resolution", "blue_noise", "shared_light", NULL };
@@ -239,6 +240,10 @@ static const struct welkin_field built_in[] = {
 		AT(clouds.evolution_m_s) },
 	{ "clouds.time_s", WELKIN_TYPE_DOUBLE, "s", -1e9, 1e9, "0", "Time at which the moving clouds are seen.", NULL,
 		AT(clouds.time_s) },
+	{ "clouds.noise.volumes", WELKIN_TYPE_ENUM, "", 0, 0, "procedural",
+		"Where the noise that shapes are made from comes from: procedural, from clouds.base, clouds.detail and "
+		"seed; scene, noise_base and noise_detail of scene.name, or the one of them that it has.",
+		noise_volumes, AT(clouds.noise_volumes) },
 	{ "clouds.base.scale_m", WELKIN_TYPE_DOUBLE, "m", 100, 1e5, "", "Side of the volume of shapes, which repeats.",
 		NULL, AT(clouds.base_scale_m) },
 	{ "clouds.base.shape", WELKIN_TYPE_ENUM, "", 0, 0, "dilated_squared",

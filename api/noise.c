@@ -19,7 +19,9 @@ const struct welkin_noise_info welkin_noise_infos[WELKIN_NOISE_TABLES] = {
 
 bool welkin_noise_field(const struct welkin_field *field)
 {
-	const bool of_clouds = !strncmp(field->name, "clouds.", 7) && strcmp(field->name, "clouds.weather.map") != 0;
+	const bool of_scene =
+		!strcmp(field->name, "clouds.weather.map") || !strcmp(field->name, "clouds.noise.volumes");
+	const bool of_clouds = !strncmp(field->name, "clouds.", 7) && !of_scene;
 	return of_clouds || !strcmp(field->name, "seed");
 }
 

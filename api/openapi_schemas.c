@@ -187,6 +187,8 @@ static void add_scene(cJSON *schemas)
 	property(scene, "state", "string", "ready; faulty, which cannot be asked for; unread.");
 	property(scene, "fault", "string", "What is wrong with a faulty one.");
 	property(scene, "weather_map", "boolean", "Whether it has a weather.png, for clouds.weather.map.");
+	property(scene, "noise_base", "boolean", "Whether it has a volume of shapes, for clouds.noise.volumes.");
+	property(scene, "noise_detail", "boolean", "Whether it has a volume of detail.");
 	property(scene, "triangles", "integer", "How many it has.");
 	property(scene, "vertices", "integer", "How many it has.");
 	property(scene, "textures", "integer", "How many it has.");

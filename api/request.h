@@ -148,6 +148,7 @@ struct welkin_atmosphere {
 	double ozone_column_du, ozone_center_m, ozone_half_width_m;
 };
 
+enum welkin_noise_volumes { WELKIN_VOLUMES_PROCEDURAL, WELKIN_VOLUMES_SCENE };
 enum welkin_weather_map { WELKIN_WEATHER_PROCEDURAL, WELKIN_WEATHER_SCENE };
 
 struct welkin_clouds {
@@ -163,9 +164,9 @@ struct welkin_clouds {
 		base_inverted;
 	double detail_scale_m, detail_gamma, detail_strength;
 	int32_t detail_frequency;
-	int32_t weather_map;  /* enum welkin_weather_map */
-	int32_t reprojection; /* 0 or 1; of sequences' frames only */
-	int32_t reserved;
+	int32_t weather_map;   /* enum welkin_weather_map */
+	int32_t reprojection;  /* 0 or 1; of sequences' frames only */
+	int32_t noise_volumes; /* enum welkin_noise_volumes */
 	double curl_scale_m, curl_strength_m;
 	double high_coverage, high_optical_depth, high_altitude_m, high_scale_m;
 	int32_t high_type, steps, light_steps;

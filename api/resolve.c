@@ -102,11 +102,15 @@ static void check_clouds(struct work *w)
 			"at most atmosphere.top_m", "there would be clouds above the air");
 }
 
-static void check_weather_map(struct work *w)
+/* What clouds have from a scene. */
+static void check_painted(struct work *w)
 {
 	if (w->r->clouds.weather_map == WELKIN_WEATHER_SCENE && !w->r->scene.name[0])
 		welkin_fault_add(w->faults, 422, "clouds.weather.map", "scene only with scene.name",
 			"which scene's weather.png is not said");
+	if (w->r->clouds.noise_volumes == WELKIN_VOLUMES_SCENE && !w->r->scene.name[0])
+		welkin_fault_add(w->faults, 422, "clouds.noise.volumes", "scene only with scene.name",
+			"which scene's noise is not said");
 }
 
 static void resolve_sun(struct work *w)
@@ -272,7 +276,7 @@ void welkin_resolve(const struct welkin_draft *draft, enum welkin_format format,
 	resolve_size(&w);
 	check_image(&w, format, limits);
 	check_clouds(&w);
-	check_weather_map(&w);
+	check_painted(&w);
 	resolve_sun(&w);
 	resolve_scene(&w);
 	resolve_position(&w);

@@ -146,12 +146,20 @@ void clouds_prepare(struct scene *scene, const struct welkin_request *request)
 	block->detail_gamma = (float)c->detail_gamma;
 }
 
-void clouds_paint(struct scene *scene, const struct mesh_header *mesh)
+void clouds_paint(struct scene *scene, const struct welkin_clouds *wanted, const struct mesh_header *mesh)
 {
 	struct CloudsBlock *block = &scene->clouds;
-	scene->weather = mesh;
-	block->regions[3] = 0; /* it is where its painter put it */
-	sscanf(mesh->key, "%8x%8x%8x%8x", &block->painted_a, &block->painted_b, &block->painted_c, &block->painted_d);
+	const bool volumes = wanted->noise_volumes == WELKIN_VOLUMES_SCENE;
+	block->painted_parts =
+		(wanted->weather_map == WELKIN_WEATHER_SCENE && mesh->weather_texture >= 0 ? PAINTED_WEATHER : 0) |
+		(volumes && mesh->base_volume >= 0 ? PAINTED_BASE : 0) |
+		(volumes && mesh->detail_volume >= 0 ? PAINTED_DETAIL : 0);
+	if (!block->painted_parts)
+		return;
+	if (block->painted_parts & PAINTED_WEATHER)
+		block->regions[3] = 0; /* it is where its painter put it */
+	scene->painted = mesh;
+	sscanf(mesh->key, "%8x%8x%8x", &block->painted_a, &block->painted_b, &block->painted_c);
 }
 
 /* ---- tables ---- */
@@ -215,12 +223,29 @@ static enum table_state need_weather(struct frame_tables *tables, const struct C
 	return tables_need(tables, &weather, &key, sizeof key, 0, err);
 }
 
-static enum table_state need_painted(struct frame_tables *tables, const struct mesh_header *mesh, struct error *err)
+/* A texture of a scene's in the place of a table. */
+struct painting {
+	int part, unit;
+	bool volume;
+	char kind; /* its address tells pictures of one scene apart */
+};
+
+static enum table_state need_painted(
+	struct frame_tables *tables, const struct mesh_header *mesh, const struct painting *painting, struct error *err)
 {
-	static const char kind;
-	const struct mesh_texture *map = &mesh_textures(mesh)[mesh->weather_texture];
-	const bool there = tables_need_picture(tables, &kind, mesh->key, sizeof mesh->key, UNIT_CLOUD_WEATHER,
-		(int)map->width, (int)map->height, (const char *)mesh + map->pixels, err);
+	const int32_t index = painting->part == PAINTED_WEATHER ? mesh->weather_texture
+			      : painting->part == PAINTED_BASE  ? mesh->base_volume
+								: mesh->detail_volume;
+	const struct mesh_texture *t = &mesh_textures(mesh)[index];
+	const int side = (int)t->width;
+	const struct table_desc desc = { .unit = painting->unit,
+		.width = side,
+		.height = painting->volume ? side : (int)t->height,
+		.depth = painting->volume ? side : 0,
+		.internal_format = GL_RGBA8,
+		.repeats = 1 };
+	const bool there = tables_need_picture(
+		tables, &painting->kind, mesh->key, sizeof mesh->key, &desc, (const char *)mesh + t->pixels, err);
 	return there ? TABLE_READY : TABLE_FAILED;
 }
 
@@ -266,12 +291,18 @@ static enum table_state need_blue_noise(struct frame_tables *tables, const struc
 
 static enum table_state need_shapes(struct frame_tables *tables, const struct scene *scene, struct error *err)
 {
-	static enum table_state (*const needs[])(struct frame_tables *, const struct CloudsBlock *,
-		struct error *) = { need_base, need_detail, need_curl, need_high, need_blue_noise };
-	enum table_state state =
-		scene->weather ? need_painted(tables, scene->weather, err) : need_weather(tables, &scene->clouds, err);
-	for (size_t i = 0; i < sizeof needs / sizeof needs[0] && state == TABLE_READY; i++)
-		state = needs[i](tables, &scene->clouds, err);
+	static const struct {
+		enum table_state (*need)(struct frame_tables *, const struct CloudsBlock *, struct error *);
+		struct painting painting;
+	} shapes[] = { { need_weather, { PAINTED_WEATHER, UNIT_CLOUD_WEATHER, false } },
+		{ need_base, { PAINTED_BASE, UNIT_CLOUD_BASE, true } },
+		{ need_detail, { PAINTED_DETAIL, UNIT_CLOUD_DETAIL, true } }, { need_curl, { 0 } },
+		{ need_high, { 0 } }, { need_blue_noise, { 0 } } };
+	enum table_state state = TABLE_READY;
+	for (size_t i = 0; i < sizeof shapes / sizeof shapes[0] && state == TABLE_READY; i++)
+		state = scene->clouds.painted_parts & (uint)shapes[i].painting.part
+				? need_painted(tables, scene->painted, &shapes[i].painting, err)
+				: shapes[i].need(tables, &scene->clouds, err);
 	return state;
 }
 

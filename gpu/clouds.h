@@ -11,8 +11,8 @@
 /* Fills scene->clouds; the camera's frame must be there. Pure CPU work. */
 void clouds_prepare(struct scene *scene, const struct welkin_request *request);
 
-/* Gives them the weather map of that mesh, which has one and outlives the scene. */
-void clouds_paint(struct scene *scene, const struct mesh_header *mesh);
+/* Gives them what the request wants of that mesh, which outlives the scene: weather map, noise volumes. */
+void clouds_paint(struct scene *scene, const struct welkin_clouds *wanted, const struct mesh_header *mesh);
 
 /* Would clouds be in the frame at all? */
 bool clouds_present(const struct welkin_clouds *clouds);

@@ -78,7 +78,23 @@ static bool hold_scene(struct workspace *ws, struct frame *f, struct error *err)
 		return error_set(err, "the scene %.32s did not arrive", f->job.scene_key);
 	if (f->job.request.clouds.weather_map == WELKIN_WEATHER_SCENE && f->mesh->weather_texture < 0)
 		return error_set(err, "the scene %.32s has no weather map", f->job.scene_key);
+	if (f->job.request.clouds.noise_volumes == WELKIN_VOLUMES_SCENE && f->mesh->base_volume < 0 &&
+		f->mesh->detail_volume < 0)
+		return error_set(err, "the scene %.32s has no noise volumes", f->job.scene_key);
 	return true;
+}
+
+static void note_painted(struct frame *f)
+{
+	static const struct {
+		uint part;
+		const char *table, *why;
+	} parts[] = { { PAINTED_WEATHER, "table-cloud_weather", "painted: weather.png of the scene" },
+		{ PAINTED_BASE, "table-cloud_base", "noise_base of the scene" },
+		{ PAINTED_DETAIL, "table-cloud_detail", "noise_detail of the scene" } };
+	for (size_t i = 0; i < sizeof parts / sizeof parts[0]; i++)
+		if (f->scene.clouds.painted_parts & parts[i].part && f->plan.features & FEATURE_CLOUDS)
+			planner_note(&f->plan, parts[i].table, false, parts[i].why);
 }
 
 static void prepare(struct frame *f)
@@ -99,15 +115,13 @@ static void prepare(struct frame *f)
 		f->stage = FRAME_NOISE;
 		return;
 	}
-	const bool painted = job->request.clouds.weather_map == WELKIN_WEATHER_SCENE && f->mesh;
-	if (painted)
-		clouds_paint(&f->scene, f->mesh);
+	if (f->mesh)
+		clouds_paint(&f->scene, &job->request.clouds, f->mesh);
 	if (f->method->prepare)
 		f->method->prepare(&f->scene, &job->request);
 	planner_plan(&f->plan, job, &f->scene, f->method, f->mesh);
 	f->scene.frame.features = f->plan.features;
-	if (painted && f->plan.features & FEATURE_CLOUDS)
-		planner_note(&f->plan, "table-cloud_weather", false, "painted: weather.png of the scene");
+	note_painted(f);
 	f->result.bands = f->scene.n_bands;
 	f->result.expected_error = f->method->progressive ? NAN : choose_expect(&job->request, 0).error;
 }

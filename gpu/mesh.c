@@ -89,6 +89,16 @@ static bool textures_valid(const struct mesh_header *h)
 	return true;
 }
 
+static bool volume_valid(const struct mesh_header *h, int32_t texture)
+{
+	if (!texture_named(texture, h->n_textures))
+		return false;
+	if (texture < 0)
+		return true;
+	const struct mesh_texture *t = &mesh_textures(h)[texture];
+	return t->width >= MESH_LEAST_VOLUME && t->width <= MESH_MAX_VOLUME && t->height == t->width * t->width;
+}
+
 bool mesh_valid(const void *block, size_t size)
 {
 	const struct mesh_header *h = block;
@@ -97,5 +107,6 @@ bool mesh_valid(const void *block, size_t size)
 		return false;
 	return sections_valid(h, size) && texture_named(h->weather_texture, h->n_textures) &&
 	       floats_finite(h->low, 3) && floats_finite(h->high, 3) && vertices_valid(h) && indices_valid(h) &&
-	       parts_valid(h) && materials_valid(h) && textures_valid(h);
+	       parts_valid(h) && materials_valid(h) && textures_valid(h) && volume_valid(h, h->base_volume) &&
+	       volume_valid(h, h->detail_volume);
 }

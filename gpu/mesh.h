@@ -8,7 +8,7 @@
 /* A scene ready for the renderer: one block of memory without pointers, all offsets from its start, as a loader process
  * writes it into a memfd and the renderer maps it read-only. Local frame before placing: x east, y up, z south, metres.
  * Offsets are multiples of 8. */
-enum { MESH_VERSION = 2, MESH_NAME = 64 };
+enum { MESH_VERSION = 3, MESH_NAME = 64 };
 
 struct mesh_header {
 	char magic[8]; /* "welkmesh" */
@@ -18,7 +18,9 @@ struct mesh_header {
 	float low[3], high[3];                                  /* bounds, m; 0 without triangles */
 	int32_t weather_texture; /* painted weather map of clouds: red coverage, green precipitation, blue type, alpha
 				    height of the bases, rows from the north; -1: none */
-	char key[33];            /* 128-bit content hash, hex; what caches and jobs call it by */
+	int32_t base_volume, detail_volume; /* textures that are noise of clouds, RGBA and RGB: N slices of N by N
+					       texels one below the other, from the lowest; -1: none */
+	char key[33];                       /* 128-bit content hash, hex; what caches and jobs call it by */
 };
 
 struct mesh_vertex {
@@ -42,7 +44,8 @@ struct mesh_texture {
 	uint32_t reserved;
 };
 
-enum { MESH_MAX_TEXTURE = 16384 }; /* pixels along a side */
+enum { MESH_MAX_TEXTURE = 16384 };                     /* pixels along a side */
+enum { MESH_LEAST_VOLUME = 2, MESH_MAX_VOLUME = 128 }; /* texels along a side */
 
 /* True where every offset, count and index lies within the block, and every position, normal, texture coordinate and
  * bound is finite: to be called by the reader, on memory that nobody can change any more. */

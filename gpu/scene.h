@@ -13,7 +13,7 @@ struct scene {
 	struct FrameBlock frame; /* features, exposure_scale and output_format are the planner's */
 	struct MediaBlock media;
 	struct CloudsBlock clouds;
-	const struct mesh_header *weather; /* whose weather map the clouds have; NULL: the procedural one */
+	const struct mesh_header *painted; /* whose files clouds.painted_parts are from; NULL: all is procedural */
 	int n_bands;                       /* real wavelengths; the last batch is padded with copies */
 	int n_batches;
 	struct BandsBlock batches[SCENE_MAX_BATCHES];

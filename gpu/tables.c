@@ -306,26 +306,28 @@ enum table_state tables_need(struct frame_tables *tables, const struct table_des
 	return TABLE_READY;
 }
 
-bool tables_need_picture(struct frame_tables *tables, const void *kind, const void *key, size_t key_size, int unit,
-	int width, int height, const void *rgba8, struct error *err)
+bool tables_need_picture(struct frame_tables *tables, const void *kind, const void *key, size_t key_size,
+	const struct table_desc *desc, const void *rgba8, struct error *err)
 {
 	struct table *t = key_size <= KEY_MAX ? find(tables, kind, key, key_size) : NULL;
 	if (!t) {
-		const struct table_desc desc = {
-			.width = width, .height = height, .internal_format = GL_RGBA8, .repeats = 1
-		};
-		t = key_size <= KEY_MAX ? make_room(tables, texture_bytes(&desc)) : NULL;
+		t = key_size <= KEY_MAX ? make_room(tables, texture_bytes(desc)) : NULL;
 		if (!t)
 			return error_set(err, "no slot for one more picture on the device");
-		t->texture = create_texture(&desc);
-		glTextureSubImage2D(t->texture, 0, 0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, rgba8);
+		t->texture = create_texture(desc);
+		if (desc->depth > 0)
+			glTextureSubImage3D(t->texture, 0, 0, 0, 0, desc->width, desc->height, desc->depth, GL_RGBA,
+				GL_UNSIGNED_BYTE, rgba8);
+		else
+			glTextureSubImage2D(
+				t->texture, 0, 0, 0, desc->width, desc->height, GL_RGBA, GL_UNSIGNED_BYTE, rgba8);
 		t->kind = kind;
-		t->bytes = texture_bytes(&desc);
+		t->bytes = texture_bytes(desc);
 		t->key_size = key_size;
 		memcpy(t->key, key, key_size);
 	}
 	use(tables, t);
-	passes_texture(tables->passes, (unsigned)unit, t->texture);
+	passes_texture(tables->passes, (unsigned)desc->unit, t->texture);
 	return true;
 }
 

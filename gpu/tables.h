@@ -37,10 +37,10 @@ struct table_desc {
 enum table_state tables_need(struct frame_tables *tables, const struct table_desc *desc, const void *key,
 	size_t key_size, int batch, struct error *err);
 
-/* The same with a picture of RGBA8, rows one after the other, in place of a kernel: kind is the address of something
- * static. It repeats. */
-bool tables_need_picture(struct frame_tables *tables, const void *kind, const void *key, size_t key_size, int unit,
-	int width, int height, const void *rgba8, struct error *err);
+/* The same with a picture of RGBA8 in place of a kernel, rows and then slices one after the other: kind is the address
+ * of something static; of desc unit, size, format and repeats are read. */
+bool tables_need_picture(struct frame_tables *tables, const void *kind, const void *key, size_t key_size,
+	const struct table_desc *desc, const void *rgba8, struct error *err);
 
 /* The texture that the last tables_need() for that unit bound; 0: none was. */
 unsigned tables_texture(const struct frame_tables *tables, int unit);

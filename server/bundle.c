@@ -117,7 +117,7 @@ struct listing {
 
 static bool is_wanted(const char *name, bool *by_name)
 {
-	static const char *const read[] = { ".obj", ".mtl", ".png", ".json", NULL };
+	static const char *const read[] = { ".obj", ".mtl", ".png", ".raw", ".json", NULL };
 	static const char *const known[] = { ".jpg", ".jpeg", ".tga", ".bmp", ".tif", ".tiff", ".dds", ".gif", ".exr",
 		".hdr", ".webp", NULL };
 	for (int i = 0; read[i]; i++)

@@ -365,7 +365,9 @@ static struct mesh_header make_header(const struct mesh_build *b, const char key
 		.n_parts = (uint32_t)b->n_parts,
 		.n_materials = (uint32_t)b->n_materials,
 		.n_textures = (uint32_t)b->n_textures,
-		.weather_texture = b->weather - 1 };
+		.weather_texture = b->weather - 1,
+		.base_volume = b->base_volume - 1,
+		.detail_volume = b->detail_volume - 1 };
 	memcpy(h.magic, "welkmesh", sizeof h.magic);
 	memcpy(h.key, key, sizeof h.key);
 	uint64_t end = (sizeof h + 7) & ~(uint64_t)7;
@@ -379,7 +381,7 @@ static struct mesh_header make_header(const struct mesh_build *b, const char key
 	return h;
 }
 
-/* A folder with a weather map alone has nothing to copy, at NULL. */
+/* A folder with nothing but what clouds are made from has nothing to copy, at NULL. */
 static void copy(char *to, const void *from, size_t size)
 {
 	if (size > 0)
@@ -405,7 +407,7 @@ static void fill_block(const struct mesh_build *b, const struct mesh_header *h, 
 
 bool mesh_build_write(const struct mesh_build *b, int fd, const char key[33], struct error *err)
 {
-	if (!b->n_indices && !b->weather)
+	if (!b->n_indices && !b->weather && !b->base_volume && !b->detail_volume)
 		return error_set(err, "it holds no triangle with an area");
 	const struct mesh_header h = make_header(b, key);
 	if (h.bytes > b->limits.max_bytes)

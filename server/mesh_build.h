@@ -33,7 +33,8 @@ struct mesh_build {
 	struct build_texture *textures;
 	size_t n_textures, texture_room;
 	uint64_t texture_bytes;
-	int weather; /* 1 + index of the texture that is a weather map; 0: none */
+	int weather;                    /* 1 + index of the texture that is a weather map; 0: none */
+	int base_volume, detail_volume; /* likewise, noise of clouds */
 };
 
 /* Makes room for that many more; false where memory or the limits end. Counts go up only by the _add functions. */

@@ -111,6 +111,15 @@ static void check_weather_map(
 			"the scene %s has no weather.png", r->scene.name);
 }
 
+static void check_volumes(const struct scene_mesh *mesh, const struct welkin_request *r, struct welkin_faults *faults)
+{
+	const struct mesh_header *h = mesh->header;
+	if (r->clouds.noise_volumes == WELKIN_VOLUMES_SCENE && h->base_volume < 0 && h->detail_volume < 0)
+		welkin_fault_add(faults, 422, "clouds.noise.volumes",
+			"procedural, or a scene with a noise_base or a noise_detail",
+			"the scene %s has neither noise_base nor noise_detail", r->scene.name);
+}
+
 void scenes_resolve(const struct scene_mesh *mesh, const struct welkin_draft *draft, struct welkin_request *r,
 	struct welkin_faults *faults)
 {
@@ -119,6 +128,7 @@ void scenes_resolve(const struct scene_mesh *mesh, const struct welkin_draft *dr
 	struct welkin_camera *camera = &r->camera;
 	double ground = 0, flat[3], height_there;
 	check_weather_map(mesh, r, faults);
+	check_volumes(mesh, r, faults);
 	bending_flatten(r, camera->position_m, flat);
 	if (heights_at(mesh->heights, flat, &height_there))
 		ground = height_there * r->scene.scale + r->scene.altitude_m;

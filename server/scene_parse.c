@@ -34,13 +34,19 @@ static const struct scene_file *find_model(
 	return file;
 }
 
-/* A painted map of clouds, which may be all that a folder holds. */
+/* A painted map of clouds. */
 static bool read_weather(const struct scene_files *files, struct mesh_build *build, struct error *err)
 {
 	if (!scene_files_find(files, "weather.png"))
 		return true;
 	build->weather = 1 + scene_png_texture(files, "weather.png", TEXTURE_NUMBERS, 1, build, err);
 	return build->weather > 0;
+}
+
+/* Does it hold what clouds are made from? It may be all. */
+static bool for_clouds(const struct mesh_build *build)
+{
+	return build->weather || build->base_volume || build->detail_volume;
 }
 
 static bool any_model(const struct scene_files *files)
@@ -58,9 +64,9 @@ static bool parse(
 	const struct scene_file *json = scene_files_find(files, "scene.json");
 	if (json && !scene_json_read(json, &d, about, err))
 		return false;
-	if (!read_weather(files, build, err))
+	if (!read_weather(files, build, err) || !scene_volumes_read(files, build, err))
 		return false;
-	if (build->weather && !d.heightmap[0] && !d.model[0] && !any_model(files))
+	if (for_clouds(build) && !d.heightmap[0] && !d.model[0] && !any_model(files))
 		return true;
 	if (d.heightmap[0])
 		return scene_heightmap_read(files, &d, build, err);

@@ -46,7 +46,11 @@ bool scene_obj_read(const struct scene_files *files, const struct scene_file *mo
 bool scene_heightmap_read(const struct scene_files *files, const struct scene_description *description,
 	struct mesh_build *build, struct error *err);
 
-enum texture_use { TEXTURE_COLOUR, TEXTURE_NORMALS, TEXTURE_BUMPS, TEXTURE_NUMBERS };
+/* Noise of clouds, noise_base and noise_detail as .png or .raw, where a folder has them (gpu/mesh.h says how they lie).
+ * What does not repeat is refused: clouds would show the seam. */
+bool scene_volumes_read(const struct scene_files *files, struct mesh_build *build, struct error *err);
+
+enum texture_use { TEXTURE_COLOUR, TEXTURE_NORMALS, TEXTURE_BUMPS, TEXTURE_NUMBERS, TEXTURE_VOLUME };
 /* The index in the build of that PNG, which a model refers to; -1 with the reason. Of bumps, grey heights become
  * normals; what has colours counts as normals. */
 int scene_png_texture(const struct scene_files *files, const char *name, enum texture_use use, double bump_scale,

@@ -54,11 +54,12 @@ static void ask_for_rgba8(png_structp png)
 }
 
 /* Between setjmp and the end nothing of ours is held but what *picture points to. */
-static bool decode(png_structp png, png_infop info, uint32_t max_side, bool heights, struct picture *picture)
+static bool decode(
+	png_structp png, png_infop info, uint32_t max_width, uint32_t max_height, bool heights, struct picture *picture)
 {
 	if (setjmp(png_jmpbuf(png)))
 		return false;
-	png_set_user_limits(png, max_side, max_side);
+	png_set_user_limits(png, max_width, max_height);
 	png_set_chunk_cache_max(png, 64);
 	png_set_chunk_malloc_max(png, 4 << 20);
 	png_read_info(png, info);
@@ -90,8 +91,8 @@ static bool decode(png_structp png, png_infop info, uint32_t max_side, bool heig
 	return true;
 }
 
-static bool read_picture(
-	const struct scene_file *file, uint32_t max_side, bool heights, struct picture *picture, struct error *err)
+static bool read_picture(const struct scene_file *file, uint32_t max_width, uint32_t max_height, bool heights,
+	struct picture *picture, struct error *err)
 {
 	char why[160] = "out of memory";
 	struct png_source source = { file->data, file->size, why };
@@ -103,7 +104,7 @@ static bool read_picture(
 	bool sound = false;
 	if (info) {
 		png_set_read_fn(png, &source, read_bytes);
-		sound = decode(png, info, max_side, heights, picture);
+		sound = decode(png, info, max_width, max_height, heights, picture);
 	}
 	png_destroy_read_struct(&png, &info, NULL);
 	if (sound)
@@ -111,14 +112,14 @@ static bool read_picture(
 	free(picture->pixels);
 	picture->pixels = NULL;
 	return error_set(
-		err, "%.150s: %s (images of up to %u by %u pixels are read)", file->name, why, max_side, max_side);
+		err, "%.150s: %s (images of up to %u by %u pixels are read)", file->name, why, max_width, max_height);
 }
 
 uint16_t *scene_png_heights(
 	const struct scene_file *file, uint32_t max_side, uint32_t *width, uint32_t *height, struct error *err)
 {
 	struct picture p;
-	if (!read_picture(file, max_side, true, &p, err))
+	if (!read_picture(file, max_side, max_side, true, &p, err))
 		return NULL;
 	*width = p.width;
 	*height = p.height;
@@ -164,7 +165,9 @@ int scene_png_texture(const struct scene_files *files, const char *name, enum te
 	const int known = mesh_build_find_texture(build, texture.name, texture.srgb);
 	if (known >= 0)
 		return known;
-	if (!read_picture(file, build->limits.max_texture, false, &p, err))
+	const bool volume = use == TEXTURE_VOLUME;
+	if (!read_picture(file, volume ? MESH_MAX_VOLUME : build->limits.max_texture,
+		    volume ? MESH_MAX_VOLUME * MESH_MAX_VOLUME : build->limits.max_texture, false, &p, err))
 		return -1;
 	if (use == TEXTURE_BUMPS && p.grey && !bumps_to_normals(&p, bump_scale)) {
 		free(p.pixels);

@@ -591,9 +591,11 @@ static void add_mesh(struct text *text, const struct entry *e)
 	const struct mesh_header *h = &e->header;
 	const struct scene_about *a = &e->about;
 	text_printf(text,
-		",\"weather_map\":%s,\"triangles\":%u,\"vertices\":%u,\"textures\":%u,\"bytes\":%llu,\"key\":\"%s\","
+		",\"weather_map\":%s,\"noise_base\":%s,\"noise_detail\":%s,\"triangles\":%u,\"vertices\":%u,"
+		"\"textures\":%u,\"bytes\":%llu,\"key\":\"%s\","
 		"\"bounds_m\":{",
-		h->weather_texture >= 0 ? "true" : "false", h->n_indices / 3, h->n_vertices, h->n_textures,
+		h->weather_texture >= 0 ? "true" : "false", h->base_volume >= 0 ? "true" : "false",
+		h->detail_volume >= 0 ? "true" : "false", h->n_indices / 3, h->n_vertices, h->n_textures,
 		(unsigned long long)h->bytes, h->key);
 	add_corner(text, "low", h->low);
 	text_puts(text, ",");

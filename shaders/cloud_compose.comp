@@ -24,6 +24,19 @@ layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 dire
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer Place { vec4 place[]; };
 
+/* Irradiance of the ground below a point of cloud space, per sun irradiance of 1: under a clear sky, and under the clouds, between which
+ * and the ground light goes back and forth. */
+void ground_irradiance(vec3 q, vec3 d_sun, int least, out vec4 clear, out vec4 clouded)
+{
+	q.y = 0.0;
+	vec3 to_sun = cloud_direction(d_sun, frame.vertical.xyz, q);
+	float mu_s = clamp(to_sun.y, -1.0, 1.0);
+	vec4 sun = mu_s > 0.0 ? exp(-optical_depth(sun_column(0.0, mu_s))) : vec4(0.0), seen = cloud_ground_light(q, to_sun, least);
+	vec4 sky = (frame.features & FEATURE_SKY_ON_GROUND) != 0 ? multiple_ground_irradiance(mu_s) : vec4(0.0);
+	clear = sun * max(mu_s, 0.0) + sky;
+	clouded = (sun * (max(mu_s, 0.0) * seen.x + seen.y) + sky * seen.z) / (1.0 - min(bands.ground_albedo * seen.w, 0.99));
+}
+
 /* What the clouds take from the light of the air below them, and from the ground's, along the ray: negative where they shade. */
 vec4 shaded(vec3 d, float t_end, float through, float jitter)
 {
@@ -42,16 +55,23 @@ vec4 shaded(vec3 d, float t_end, float through, float jitter)
 	aerial_perspective(d, under.y, far_L, far_T);
 	vec4 change = (cloud_air_light(ray, under, jitter) - 1.0) * max(far_L - near_L, 0.0);
 	if (ground >= 0.0 && t_end > ray.start + ground && (frame.features & FEATURE_GROUND) != 0) {
-		vec3 q = cloud_point(ray, under.y), to_sun = cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q);
-		float mu_s = clamp(to_sun.y, -1.0, 1.0);
-		vec3 seen = cloud_ground_light(q, to_sun);
-		vec4 sun = mu_s > 0.0 ? exp(-optical_depth(sun_column(0.0, mu_s))) : vec4(0.0);
-		vec4 E = sun * (max(mu_s, 0.0) * (seen.x - 1.0) + seen.y);
-		if ((frame.features & FEATURE_SKY_ON_GROUND) != 0)
-			E += multiple_ground_irradiance(mu_s) * (seen.z - 1.0);
-		change += far_T * bands.ground_albedo * bands.sun_irradiance * E / PI;
+		vec4 clear, clouded;
+		ground_irradiance(cloud_point(ray, under.y), frame.sun_direction.xyz, 0, clear, clouded);
+		change += far_T * bands.ground_albedo * bands.sun_irradiance * (clouded - clear) / PI;
 	}
 	return change * (under.x > 0.0 ? through : 1.0);
+}
+
+/* Share that light from below a cloud at distance t has of what it is under a clear sky: the ground there is in the shadow of this cloud
+ * and of those around. */
+vec4 lit_below(vec3 d, float t)
+{
+	CloudRay ray = cloud_ray(d, frame.vertical.xyz, frame.camera_altitude);
+	if (ray.start < 0.0 || clouds.weather.z <= 0.0)
+		return vec4(1.0);
+	vec4 clear, clouded;
+	ground_irradiance(cloud_point(ray, t), frame.sun_direction.xyz, CLOUD_GRID_LEVELS - 1, clear, clouded);
+	return clouded / max(clear, 1e-20);
 }
 
 /* Radiance of the clouds at the place where the ray sees them, per sun irradiance of 1. lit: share of the sun that they see there. */
@@ -64,7 +84,7 @@ vec4 cloud_radiance(vec3 d, vec4 answer, float t, float lit)
 	Moments m = multiple_moments(at, mu_s);
 	vec4 down = max(0.25 * m.m0 + 0.5 * m.vz, 0.0), back = max(0.25 * m.m0 - 0.5 * m.vz, 0.0);
 	vec4 sunlight = mu_s > mu_horizon(at) ? exp(-optical_depth(sun_column(at, mu_s))) : vec4(0.0);
-	return sunlight * (lit * answer.y) + (down * answer.z + back * answer.w) / PI;
+	return sunlight * (lit * answer.y) + (down * answer.z + back * lit_below(d, t) * answer.w) / PI;
 }
 
 /* Share of the sun that a scene leaves to clouds at distance t. */

@@ -22,21 +22,22 @@ vec4 cloud_below_light(vec3 q, vec3 to_sun, int least)
 	return cloud_light_of_level(at, cloud_grid_level(at, least));
 }
 
-/* Of the finest level, and on surfaces, where an edge would show, without one between levels: transmittance. */
-float cloud_below_sharp(vec3 q, vec3 to_sun)
+/* Transmittance there, without an edge between levels, which surfaces would show. */
+float cloud_below_sharp(vec3 q, vec3 to_sun, int least)
 {
 	vec3 at = cloud_below_point(q, to_sun);
-	int level = cloud_grid_level(at, 0);
+	int level = cloud_grid_level(at, least);
 	float blend = smoothstep(0.8, 1.0, cloud_grid_reach(at, level));
 	return mix(cloud_light_of_level(at, level).w, cloud_light_of_level(at, min(level + 1, CLOUD_GRID_LEVELS - 1)).w, blend);
 }
 
 /* On level ground at q: share of the sun's irradiance that comes straight or nearly so; irradiance that comes diffused, per sun irradiance
- * of 1 on a plane that faces it; share of the sky's. */
-vec3 cloud_ground_light(vec3 q, vec3 to_sun)
+ * of 1 on a plane that faces it; share of the sky's; share of the ground's own light that clouds send back. Averaged over cells of at
+ * least such a level, what is not straight over those of the next. */
+vec4 cloud_ground_light(vec3 q, vec3 to_sun, int least)
 {
-	vec4 wide = cloud_below_light(q, vec3(0.0, 1.0, 0.0), 1);
-	return vec3(cloud_below_sharp(q, to_sun), 0.5 * wide.x, min(wide.y / (2.0 * PI), 1.0));
+	vec4 wide = cloud_below_light(q, vec3(0.0, 1.0, 0.0), min(least + 1, CLOUD_GRID_LEVELS - 1));
+	return vec4(cloud_below_sharp(q, to_sun, least), 0.5 * wide.x, clamp(vec2(wide.y, wide.z - 2.0 * PI) / (2.0 * PI), 0.0, 1.0));
 }
 
 /* Light in the air along a stretch of a ray below the layer, relative to a clear sky's: sun that comes through, and
@@ -62,11 +63,11 @@ float cloud_sun_share(vec3 q, vec3 to_sun)
 
 /* cloud_ground_light() at any height. With cloud below it as well, light comes from there too: half of what there is, on a
  * level plane. */
-vec3 cloud_light_on(vec3 q, vec3 to_sun)
+vec4 cloud_light_on(vec3 q, vec3 to_sun)
 {
 	int level = cloud_grid_level(cloud_grid_home(q), 1);
 	vec3 place = cloud_grid_coordinates(cloud_grid_place(cloud_grid_home(q), level), level);
 	float depth = textureLod(cloud_cells_texture, place, 0.0).r * cloud_light_scale() * max(q.y - clouds.bottom, 0.0);
-	vec3 seen = cloud_ground_light(q, to_sun) * vec3(1.0, vec2(0.5 + 0.5 * exp(-depth)));
-	return q.y < clouds.top ? seen : vec3(1.0, 0.0, 1.0);
+	vec4 seen = cloud_ground_light(q, to_sun, 0) * vec4(1.0, vec3(0.5 + 0.5 * exp(-depth)));
+	return q.y < clouds.top ? seen : vec4(1.0, 0.0, 1.0, 0.0);
 }

@@ -187,6 +187,11 @@ typedef unsigned int uint;
 #define SHAPE_WORLEY 6
 #define SHAPE_UNIFORM 7
 
+/* CloudsBlock.painted_parts: what clouds have from a scene's files. */
+#define PAINTED_WEATHER 1
+#define PAINTED_BASE 2
+#define PAINTED_DETAIL 4
+
 #define SAVE_STEPS_BY_ELEVATION 1
 #define SAVE_EARLY_EXIT 2
 #define SAVE_EMPTY_SPACE 4
@@ -287,7 +292,8 @@ WELKIN_BLOCK(CloudsBlock, BIND_CLOUDS)
 	int worley_metric, worley_inverted, detail_frequency;
 	uint cloud_seed;
 	float persistence, base_gamma, detail_gamma, reserved;
-	uint painted_a, painted_b, painted_c, painted_d; /* which painted weather map it is, for the keys of tables; 0: procedural */
+	uint painted_a, painted_b, painted_c; /* which scene's weather map and noise volumes, for the keys of tables; 0: none's */
+	uint painted_parts;                   /* which of them: PAINTED_WEATHER and so on */
 WELKIN_BLOCK_END(clouds)
 
 /* One batch of four wavelengths. */

@@ -7,8 +7,10 @@ layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer CloudsBefore { vec4 c
 void under_clouds(inout Lighting light, vec3 d, float t, vec3 up)
 {
 	vec3 q = cloud_point(cloud_ray(d, frame.vertical.xyz, frame.camera_altitude), t);
-	vec3 seen = clouds.weather.z > 0.0 ? cloud_light_on(q, cloud_direction(light.l, frame.vertical.xyz, q)) : vec3(1.0, 0.0, 1.0);
-	vec4 diffused = seen.y * light.sun;
+	vec4 seen = clouds.weather.z > 0.0 ? cloud_light_on(q, cloud_direction(light.l, frame.vertical.xyz, q)) : vec4(1.0, 0.0, 1.0, 0.0);
+	/* from the clouds: of the sun, and of what the ground sends back to them, again and again */
+	vec4 once = seen.z * light.level_sky + seen.y * light.sun, returned = min(bands.ground_albedo * seen.w, 0.99);
+	vec4 diffused = seen.y * light.sun + (once + light.level_sun * seen.x * light.sun) * returned / (1.0 - returned);
 	float above = 0.5 + 0.5 * light.rise, below = 1.0 - above;
 	/* the share of the light that comes from below is worked out anew by who shades */
 	vec4 ground = below * bands.ground_albedo * light.level_sun * light.sun;

@@ -87,7 +87,7 @@ static void read_bundle(const uint8_t *data, size_t size, uint32_t kind)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-	const uint8_t what = size ? data[0] % 6 : 0;
+	const uint8_t what = size ? data[0] % 8 : 0;
 	const uint8_t *rest = data + (size > 0);
 	const size_t n = size - (size > 0);
 	struct scene_file list[3];
@@ -114,6 +114,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		list[files.n++] = file("scene.json", rest, n);
 		list[files.n++] = file("a.obj", obj, sizeof obj - 1);
 		list[files.n++] = file("t.png", png, sizeof png);
+		break;
+	case 6:
+		list[files.n++] = file("noise_base.png", rest, n);
+		break;
+	case 7:
+		list[files.n++] = file("noise_detail.raw", rest, n);
 		break;
 	default:
 		read_bundle(rest, n, n & 1 ? BUNDLE_ARCHIVE : BUNDLE_FILES);

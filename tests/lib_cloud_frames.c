@@ -11,7 +11,7 @@
 
 enum { TIMEOUT_MS = 3600 * 1000 }; /* without savings a large frame takes minutes on few cores */
 
-static bool request_of_query(const char *query, struct welkin_request *request)
+bool cloud_frame_request(const char *query, struct welkin_request *request)
 {
 	struct welkin_draft draft;
 	struct welkin_faults faults;
@@ -36,6 +36,7 @@ static void add_times(const struct welkin_result *result, struct cloud_frame *fr
 		frame->tables_ms += strncmp(pass->name, "table-", 6) == 0 ? pass->ms : 0;
 	}
 	frame->wall_ms = result->render_ms;
+	frame->expected_error = result->expected_error;
 }
 
 /* Processor time that a process has used, user and system. */
@@ -75,7 +76,7 @@ bool cloud_frame_render_in(
 	struct welkin_job job = { .kind = WELKIN_JOB_IMAGE, .sequence = (uint64_t)sequence, .frame = number };
 	struct welkin_message message = { .type = 0 };
 	memset(frame, 0, sizeof *frame);
-	if (!request_of_query(query, &job.request))
+	if (!cloud_frame_request(query, &job.request))
 		return false;
 	const double cpu_ms = cpu_ms_of(renderer->pid);
 	const int memfd = lib_render_send(renderer, &job, NULL, 0);

@@ -36,6 +36,8 @@ static struct programs *field_programs(void)
 	assert_non_null(programs);
 	assert_true(programs_add_file(programs, "cloud_density.glsl", "tests/shaders/cloud_density.glsl",
 		read_text("tests/shaders/cloud_density.glsl")));
+	assert_true(programs_add_file(
+		programs, "octaves.glsl", "tests/shaders/octaves.glsl", read_text("tests/shaders/octaves.glsl")));
 	assert_true(programs_add_file(programs, "cloud_rays.comp", "tests/shaders/cloud_rays.comp",
 		read_text("tests/shaders/cloud_rays.comp")));
 	return programs;

@@ -26,6 +26,8 @@ struct mesh_header *lib_mesh_square(float height, const char *key)
 	s->header = (struct mesh_header){ .magic = "welkmesh",
 		.version = MESH_VERSION,
 		.weather_texture = -1,
+		.base_volume = -1,
+		.detail_volume = -1,
 		.n_vertices = 4,
 		.n_indices = 6,
 		.n_parts = 2,

@@ -139,7 +139,7 @@ static void mend_position(uint64_t *state, struct welkin_draft *draft)
 			*given(draft, "camera.position_m") = 0;
 }
 
-/* A layer that has a thickness, in air that reaches above it; a painted map only with a scene. */
+/* A layer that has a thickness, in air that reaches above it; maps and volumes of a scene only with one. */
 static void mend_clouds(uint64_t *state, struct welkin_draft *draft)
 {
 	struct welkin_clouds *clouds = &draft->request.clouds;
@@ -150,7 +150,7 @@ static void mend_clouds(uint64_t *state, struct welkin_draft *draft)
 	if (draft->request.atmosphere.top_m < 15e3)
 		*given(draft, "atmosphere.top_m") = 0;
 	if (!*given(draft, "scene.name") || !draft->request.scene.name[0])
-		clouds->weather_map = WELKIN_WEATHER_PROCEDURAL;
+		clouds->weather_map = WELKIN_WEATHER_PROCEDURAL, clouds->noise_volumes = WELKIN_VOLUMES_PROCEDURAL;
 }
 
 void random_request(uint64_t *state, struct welkin_draft *draft)

@@ -19,7 +19,11 @@ static uint64_t rounded(uint64_t size)
 static struct mesh_header *allocate(
 	uint32_t n_vertices, uint32_t n_indices, uint32_t n_textures, uint64_t pixels, const char *key)
 {
-	struct mesh_header h = { .magic = "welkmesh", .version = MESH_VERSION, .weather_texture = -1 };
+	struct mesh_header h = { .magic = "welkmesh",
+		.version = MESH_VERSION,
+		.weather_texture = -1,
+		.base_volume = -1,
+		.detail_volume = -1 };
 	h.n_vertices = n_vertices;
 	h.n_indices = n_indices;
 	h.n_parts = h.n_materials = 1;

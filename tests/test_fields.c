@@ -41,7 +41,6 @@ static void test_every_byte_has_one_field(void **state)
 		{ offsetof(struct welkin_request, sun.reserved), 4 },
 		{ offsetof(struct welkin_request, reserved), 4 },
 		{ offsetof(struct welkin_request, atmosphere.choice), 4 },
-		{ offsetof(struct welkin_request, clouds.reserved), 4 },
 		{ offsetof(struct welkin_request, reserved2), 4 },
 		{ offsetof(struct welkin_request, method_values), sizeof(double) * WELKIN_METHOD_VALUES },
 	};

@@ -1,9 +1,10 @@
 /*
  * Marches rays through a cloud in small even steps, so that what is measured is the model of light alone.
  * MODEL 0: shaders/cloud_light.glsl, the sun's optical depth marched; 1: three samples of it and the rest from its table;
- * 2: the octaves of Wrenninge et al. 2013, eight, each of half the scattering, extinction and anisotropy of the last.
+ * 2: octaves.glsl.
  */
 #include "cloud_light.glsl"
+#include "octaves.glsl"
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile; /* x: rays */
@@ -18,18 +19,6 @@ float marched_depth(vec3 q, vec3 d)
 	for (float t = 0.5 * SUN_STEP; t < farthest; t += SUN_STEP)
 		depth += cloud_extinction(q + d * t, 1) * SUN_STEP;
 	return depth;
-}
-
-/* Per unit of optical depth. */
-float octaves(float sun_depth, float nu)
-{
-	float sum = 0.0, a = 1.0;
-	for (int i = 0; i < 8; i++) {
-		sum += a * exp(-a * sun_depth) * mix(phase_henyey_greenstein(a * clouds.forward_g, nu),
-			phase_henyey_greenstein(a * clouds.backward_g, nu), clouds.backward_share);
-		a *= 0.5;
-	}
-	return sum;
 }
 
 void main()
