@@ -36,7 +36,7 @@ _Static_assert(sizeof(struct SurfacesBlock) <= SURFACES_STRIDE, "SurfacesBlock o
 _Static_assert(sizeof(struct FittedBlock) <= FITTED_STRIDE, "FittedBlock outgrew its slot");
 
 struct passes {
-	bool synchronous, drawn; /* drawn: in this slice */
+	bool synchronous, drawn; /* drawn: ever */
 	unsigned blocks, nodes;  /* buffers */
 	int n_nodes;
 	float (*node_copy)[2]; /* what the device has, to leave out uploads of the same */
@@ -273,7 +273,6 @@ bool passes_finish(struct passes *passes, struct pass_log *log, struct error *er
 			pass_log_add(log, passes->names[i], ms);
 	}
 	passes->n = 0;
-	passes->drawn = false;
 	const char *trouble = device_trouble();
 	if (trouble || !waited)
 		return error_set(err, "the context failed: %s", trouble ? trouble : "waiting for the device");

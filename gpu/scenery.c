@@ -60,6 +60,20 @@ static bool whole_window(const struct frame *f, struct surfaces_window *w)
 	return true;
 }
 
+/* Nothing beside colours is wanted of its pixels. The disk's are added to after all else. */
+static const char *plain(const struct frame *f)
+{
+	return f->job.kind == WELKIN_JOB_IMAGE && !(f->plan.features & FEATURE_LAYERS) ? " PLAIN=1" : "";
+}
+
+static const struct program *choose_light(struct workspace *ws, const struct frame *f, struct error *err)
+{
+	char choices[64];
+	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d SHADING=%d SHADOW_FILTER=%d%s", f->method->single_scattering,
+		f->scene.surfaces.shading, f->scene.surfaces.shadow_filter, plain(f));
+	return programs_get(ws->programs, "surfaces.comp", choices, err);
+}
+
 bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 {
 	struct scenery *s = &f->scenery;
@@ -85,14 +99,13 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	if (f->plan.features & FEATURE_SHAFTS) {
 		shafts_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
 		char choices[64];
-		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d", f->plan.epipolar,
-			!f->method->single_scattering);
+		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d%s", f->plan.epipolar,
+			!f->method->single_scattering, plain(f));
 		if (!(s->shafts = programs_get(ws->programs, "shafts.comp", choices, err)))
 			return false;
 	}
 	s->cast = programs_get(ws->programs, "surfaces_cast.comp", "", err);
-	s->light = programs_get(
-		ws->programs, "surfaces.comp", f->method->single_scattering ? "AERIAL_MARCH=1" : "AERIAL_MARCH=0", err);
+	s->light = choose_light(ws, f, err);
 	return (!draws(f) || (s->draw && s->gather)) && s->cast && s->light;
 }
 

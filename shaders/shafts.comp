@@ -56,8 +56,7 @@ vec4 lost_by_table(vec3 d, ShaftRay ray, float end)
 		vec3 place = ray.place + t * ray.step;
 		shadowed += shadow_holds(place) && shaft_shadowed(ray, t) ? 1 : 0;
 	}
-	/* a loop, which llvmpipe leaves out for pixels that need it not, and not a branch, whose cost it pays for all */
-	for (int left = min(shadowed, 1); left > 0; left--) {
+	if (shadowed > 0) {
 		vec3 column = shaft_column(ray, max(ray.entered, 0.0), from, 2);
 		lost += shaft_source(ray, from + 0.5 * dt, dt, column) * (dt * float(shadowed) / float(REST_SAMPLES));
 	}
@@ -77,7 +76,8 @@ void main()
 	float covered = surface_coverage(record), ground = ray_ground_distance(ray.h, ray.mu);
 	vec4 lost = vec4(0.0);
 	/* the surface's share of the pixel, then the sky's: few have both, and nothing should cost them all twice */
-	for (int side = covered > 0.0 ? 0 : 1; side <= (covered < 1.0 ? 1 : 0); side++) {
+	int side = covered > 0.0 ? 0 : 1;
+	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
 		float weight = side == 0 ? covered : 1.0 - covered;
 		float end = side == 0 ? uintBitsToFloat(record.x) : ground >= 0.0 ? ground : 1e9;
 #if EPIPOLAR
@@ -85,13 +85,13 @@ void main()
 #else
 		lost += weight * lost_by_march(ray, end);
 #endif
-	}
-	if (feature(FEATURE_SPECTRAL)) {
+	} while (++side <= (covered < 1.0 ? 1 : 0));
+	if (WANTED(FEATURE_SPECTRAL) != 0) {
 		radiance[i] = max(radiance[i] - lost, 0.0);
 		return;
 	}
 	vec3 rgb = to_rgb(lost);
 	radiance[i].rgb -= rgb;
-	if (feature(FEATURE_LAYERS))
+	if (WANTED(FEATURE_LAYERS) != 0)
 		inscatter[i].rgb -= rgb;
 }

@@ -15,6 +15,13 @@ layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmi
 layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
 layout(std430, binding = BIND_SURFACES) readonly buffer Surfaces { uvec4 surface[]; };
 
+/* PLAIN, chosen when the program is built: pixels of an image without layers, and none that the sun's disk may touch. */
+#ifdef PLAIN
+#define WANTED(bits) 0
+#else
+#define WANTED(bits) (frame.features & (bits))
+#endif
+
 bool feature(int bit)
 {
 	return (frame.features & bit) != 0;
@@ -24,11 +31,11 @@ bool feature(int bit)
  * that arrives. */
 void add_surface(int i, float t, float coverage, vec4 air, vec4 L)
 {
-	if (feature(FEATURE_SPECTRAL)) {
+	if (WANTED(FEATURE_SPECTRAL) != 0) {
 		radiance[i] += coverage * (air + L);
 		return;
 	}
 	radiance[i].rgb += coverage * to_rgb(air + L);
-	if (feature(FEATURE_LAYERS))
+	if (WANTED(FEATURE_LAYERS) != 0)
 		inscatter[i] = vec4(inscatter[i].rgb + coverage * to_rgb(air), t);
 }

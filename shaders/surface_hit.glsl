@@ -15,19 +15,6 @@ vec2 vertex_uv(int i)
 	return vec2(vertex[VERTEX_FLOATS * i + 6], vertex[VERTEX_FLOATS * i + 7]);
 }
 
-/* By how much the camera's ray along d (world axes) misses triangle `index`: 0 where it meets it, else the sine of an angle. */
-float surface_miss(int index, vec3 d_world)
-{
-	Triangle tri = triangles[index];
-	vec3 d = to_mesh(d_world), side[3];
-	for (int k = 0; k < 3; k++)
-		side[k] = (tri.corner[k].xyz - surfaces.camera_high.xyz) - surfaces.camera_low.xyz;
-	vec3 n0 = cross(side[0], side[1]), n1 = cross(side[1], side[2]), n2 = cross(side[2], side[0]);
-	vec3 s = vec3(dot(n0, d), dot(n1, d), dot(n2, d)) * inversesqrt(max(vec3(dot(n0, n0), dot(n1, n1), dot(n2, n2)), 1e-30));
-	/* all of one sign where the ray passes within all sides */
-	return max(min(max(s.x, max(s.y, s.z)), max(-s.x, max(-s.y, -s.z))), 0.0);
-}
-
 /* How a texture coordinate changes along a step on the triangle's plane: b1 and b2 are its barycentric coordinates. */
 vec2 uv_step(vec3 step, vec3 e1, vec3 e2, vec3 face, float area, vec2 d1, vec2 d2)
 {

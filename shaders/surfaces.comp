@@ -6,6 +6,10 @@
 #ifndef AERIAL_MARCH
 #define AERIAL_MARCH 0
 #endif
+/* Chosen when the program is built, where the renderer does so. */
+#ifndef SHADING
+#define SHADING surfaces.shading
+#endif
 #include "surface_shading.glsl"
 #include "shadow.glsl"
 #if AERIAL_MARCH
@@ -37,7 +41,7 @@ void light_pixel(int i, vec3 d, Surface s)
 	if (feature(FEATURE_SHADOWS))
 		light.lit *= shadow_of_surface(v, s.face);
 	Material m = materials[s.material];
-	vec4 L = surfaces.shading == SHADING_PHONG ? shade_phong(m, s.albedo, light) : shade_physical(m, s.albedo, light);
+	vec4 L = SHADING == SHADING_PHONG ? shade_phong(m, s.albedo, light) : shade_physical(m, s.albedo, light);
 	vec4 air, T;
 	aerial_perspective(d, s.t, air, T);
 	add_surface(i, s.t, s.coverage, air, T * L);
@@ -50,7 +54,6 @@ void main()
 		return;
 	Surface s = surface_unpack(surface[i]);
 	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i];
-	/* a loop, which llvmpipe leaves out where nothing is to be lit, and not a branch, whose cost it pays for all */
-	for (int left = s.coverage > 0.0 && at.w >= 0.0 ? 1 : 0; left > 0; left--)
+	if (s.coverage > 0.0 && at.w >= 0.0)
 		light_pixel(i, at.xyz, s);
 }

@@ -1,5 +1,5 @@
-/* From the triangles of a drawn strip's samples to one record per pixel: of the triangle that the ray through the pixel's centre
- * meets or passes most closely; and how many samples show any. */
+/* From the triangles of a drawn strip's samples to one record per pixel: of the triangle that most of the samples show, where the
+ * ray through the pixel's centre meets it or passes most closely; and how many samples show any. */
 #include "surface_hit.glsl"
 #include "surface_ground.glsl"
 
@@ -21,16 +21,11 @@ void main()
 	uint covered = there.x + there.y + there.z + there.w;
 	surface[i] = uvec4(0u);
 	vec4 d = direction[i];
-	uint chosen = 0u;
-	float least = 1e30;
-	for (int k = 0; k < RASTER_SAMPLES && least > 0.0; k++) {
-		float miss = s[k] != 0u && s[k] != chosen ? surface_miss(int(s[k]) - 1, d.xyz) : 1e30;
-		chosen = miss < least ? s[k] : chosen;
-		least = min(miss, least);
-	}
-	chosen = chosen != 0u ? chosen : max(max(s.x, s.y), max(s.z, s.w));
-	/* a loop, which llvmpipe leaves out where nothing is to be seen, and not a branch, whose cost it pays for all */
-	for (int left = covered > 0u && d.w >= 0.0 ? 1 : 0; left > 0; left--) {
+	/* the first that comes twice or, where none does, the first: a look at each triangle would cost as much as all the rest */
+	uint other = s.x != 0u ? s.x : s.y != 0u ? s.y : s.z != 0u ? s.z : s.w;
+	uint twice = s.x == s.y || s.x == s.z || s.x == s.w ? s.x : s.y == s.z || s.y == s.w ? s.y : s.z == s.w ? s.z : 0u;
+	uint chosen = twice != 0u ? twice : other;
+	if (covered > 0u && d.w >= 0.0) {
 		Surface hit = surface_hit(int(chosen) - 1, vec3(0.0), d.xyz, sqrt(d.w));
 		hit.coverage = float(covered) / float(RASTER_SAMPLES);
 		if (!ground_hides(d.xyz, hit.t))
