@@ -156,6 +156,35 @@ enum table_state scenery_tables(struct workspace *ws, const struct frame *f, int
 
 /* ---- records ---- */
 
+/* What the raster's content depends on. */
+struct raster_key {
+	char mesh[sizeof((struct surfaces *)0)->key];
+	struct bending bending;
+	float axis[3][4], camera_high[4], camera_low[4];
+	float right[4], up[4], forward[4], tan_half_fov;
+	int projection, face, width, height;
+};
+
+static void make_raster_key(struct raster_key *key, const struct frame *f)
+{
+	const struct SurfacesBlock *block = &f->scene.surfaces;
+	const struct FrameBlock *frame = &f->scene.frame;
+	memset(key, 0, sizeof *key);
+	memcpy(key->mesh, f->scenery.surfaces->key, sizeof key->mesh);
+	key->bending = f->scenery.surfaces->bending;
+	memcpy(key->axis, block->axis, sizeof key->axis);
+	memcpy(key->camera_high, block->camera_high, sizeof key->camera_high);
+	memcpy(key->camera_low, block->camera_low, sizeof key->camera_low);
+	memcpy(key->right, frame->camera_right, sizeof key->right);
+	memcpy(key->up, frame->camera_up, sizeof key->up);
+	memcpy(key->forward, frame->camera_forward, sizeof key->forward);
+	key->tan_half_fov = frame->tan_half_fov;
+	key->projection = frame->projection;
+	key->face = frame->cube_face;
+	key->width = frame->width;
+	key->height = frame->height;
+}
+
 /* Draws what one window sees; tile: where the raster's first pixel lies in the image. */
 static void draw_window(
 	struct workspace *ws, const struct frame *f, const int tile[4], const struct surfaces_window *window)
@@ -219,6 +248,35 @@ static void draw_tile(struct workspace *ws, const struct frame *f, const int til
 	draw_window(ws, f, tile, &w);
 }
 
+static bool holds(const int band[4], const int tile[4])
+{
+	return tile[0] >= band[0] && tile[1] >= band[1] && tile[0] + tile[2] <= band[0] + band[2] &&
+	       tile[1] + tile[3] <= band[1] + band[3];
+}
+
+/* Sees to it that the raster holds the tile: with it comes what lies below, as far as there is room. */
+static bool need_raster(struct workspace *ws, const struct frame *f, const int tile[4], struct error *err)
+{
+	struct raster *r = &ws->raster;
+	struct raster_key key;
+	_Static_assert(sizeof key <= sizeof r->key, "raise the raster's key");
+	make_raster_key(&key, f);
+	if (r->band[2] > 0 && memcmp(r->key, &key, sizeof key) == 0 && holds(r->band, tile))
+		return true;
+	int band[4] = { 0, tile[1], f->scene.frame.width, f->scene.frame.height - tile[1] };
+	if (band[3] > RASTER_PIXELS / band[2])
+		band[3] = RASTER_PIXELS / band[2];
+	if (!holds(band, tile))
+		memcpy(band, tile, sizeof band);
+	r->band[2] = 0;
+	if (!workspace_reserve_raster(ws, band[2], band[3], err))
+		return false;
+	draw_tile(ws, f, band);
+	memcpy(r->key, &key, sizeof key);
+	memcpy(r->band, band, sizeof r->band);
+	return true;
+}
+
 bool scenery_records(struct workspace *ws, const struct frame *f, const int tile[4], struct error *err)
 {
 	const struct scenery *s = &f->scenery;
@@ -230,9 +288,9 @@ bool scenery_records(struct workspace *ws, const struct frame *f, const int tile
 	struct pass pass = { .name = "surfaces-gather", .program = s->gather, .threads = { tile[2], tile[3], 1 } };
 	/* for the few pixels of the meter, rays are cheaper than a look at every triangle */
 	if (s->draw && f->stage != FRAME_METER) {
-		if (!workspace_reserve_raster(ws, tile[2], tile[3], err))
+		if (!need_raster(ws, f, tile, err))
 			return false;
-		draw_tile(ws, f, tile);
+		memcpy(pass.box, ws->raster.band, sizeof pass.box);
 		passes_texture(ws->passes, UNIT_RASTER, ws->raster.color);
 		surfaces_bind(s->surfaces, ws->passes, pass.storage);
 	} else {

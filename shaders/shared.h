@@ -143,7 +143,7 @@ typedef unsigned int uint;
 #define LOCATION_SAMPLES 6 /* ivec4, progressive methods: first group of paths, groups per ray in this dispatch, paths per group, highest order; clouds of a frame that follows another: cloud_history.glsl */
 #define LOCATION_ITERATION 5 /* int: how often a table's kernel has run before */
 #define LOCATION_ROWS 8  /* vec4[3]: of the matrix that a program which draws projects by, or that gives places in the frame before; cloud_history.glsl */
-#define LOCATION_BOX 4   /* ivec4: x, y, width, height of the part of the strip that the sun's disk may touch */
+#define LOCATION_BOX 4   /* ivec4: x, y, width, height of the part of the strip that the sun's disk may touch; of the image that the scene is drawn of */
 
 #define WORKGROUP_X 16
 #define WORKGROUP_Y 4
