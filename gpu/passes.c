@@ -145,6 +145,8 @@ static void bind(const struct passes *passes, const struct pass *pass)
 		glUniform4iv(LOCATION_PLANES, 1, pass->planes);
 	if (pass->program->has_white)
 		glUniform4fv(LOCATION_WHITE, 1, pass->white);
+	if (pass->program->has_groups)
+		glUniform1i(LOCATION_GROUPS, pass->group_list);
 	if (pass->program->has_box)
 		glUniform4iv(LOCATION_BOX, 1, pass->box);
 	if (pass->program->has_rows)

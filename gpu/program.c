@@ -306,6 +306,7 @@ const struct program *programs_get(struct programs *programs, const char *name, 
 	p->has_planes = glGetUniformLocation(id, "planes") == LOCATION_PLANES;
 	p->has_white = glGetUniformLocation(id, "white") == LOCATION_WHITE;
 	p->has_rows = glGetUniformLocation(id, "rows") == LOCATION_ROWS;
+	p->has_groups = glGetUniformLocation(id, "group_list") == LOCATION_GROUPS;
 	p->has_box = glGetUniformLocation(id, "box") == LOCATION_BOX;
 	return p;
 }

@@ -5,6 +5,7 @@
 #include "gpu/shafts.h"
 #include "gpu/sky_tables.h"
 
+#include <epoxy/gl.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -94,6 +95,7 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	shadow_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
 	if (draws(f)) {
 		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
+		s->list_drawn = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=1", err);
 		s->gather = programs_get(ws->programs, "surfaces_gather.comp", "", err);
 	}
 	if (f->plan.features & FEATURE_SHAFTS) {
@@ -105,8 +107,9 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 			return false;
 	}
 	s->cast = programs_get(ws->programs, "surfaces_cast.comp", "", err);
+	s->list = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=0", err);
 	s->light = choose_light(ws, f, err);
-	return (!draws(f) || (s->draw && s->gather)) && s->cast && s->light;
+	return (!draws(f) || (s->draw && s->list_drawn && s->gather)) && s->cast && s->list && s->light;
 }
 
 /* Open sky of some more vertices: once for a mesh, over as many slices as it takes. */
@@ -277,33 +280,80 @@ static bool need_raster(struct workspace *ws, const struct frame *f, const int t
 	return true;
 }
 
+void scenery_restrict(const struct workspace *ws, struct pass *pass, int list)
+{
+	pass->storage[BIND_GROUPS] = ws->groups.id;
+	pass->group_list = list + 1;
+	pass->indirect = ws->groups.id;
+	pass->indirect_at = list * GROUPS_HEAD * (int)sizeof(uint);
+}
+
+static bool empty_lists(struct workspace *ws, int pixels, struct error *err)
+{
+	static const uint heads[GROUPS_LISTS][GROUPS_HEAD] = { { 0, 1, 1, 0 }, { 0, 1, 1, 0 }, { 0, 1, 1, 0 } };
+	const size_t groups = ((size_t)pixels + WORKGROUP_LINE - 1) / WORKGROUP_LINE;
+	if (!workspace_reserve(&ws->groups, (GROUPS_FIRST + GROUPS_LISTS * groups) * sizeof(uint), false, err))
+		return false;
+	glNamedBufferSubData(ws->groups.id, 0, sizeof heads, heads);
+	return true;
+}
+
+static void run_list(struct workspace *ws, const struct program *program, struct pass pass)
+{
+	pass.name = "surfaces-list";
+	pass.program = program;
+	pass.threads[0] = (pass.tile[2] * pass.tile[3] + WORKGROUP_LINE - 1) / WORKGROUP_LINE;
+	pass.threads[1] = 1;
+	pass.storage[BIND_GROUPS] = ws->groups.id;
+	passes_run(ws->passes, &pass);
+}
+
+/* By what was drawn of them. */
+static bool gather_records(struct workspace *ws, const struct frame *f, struct pass *pass, struct error *err)
+{
+	if (!need_raster(ws, f, pass->tile, err))
+		return false;
+	memcpy(pass->box, ws->raster.band, sizeof pass->box);
+	passes_texture(ws->passes, UNIT_RASTER, ws->raster.color);
+	run_list(ws, f->scenery.list_drawn, *pass);
+	pass->name = "surfaces-gather";
+	pass->program = f->scenery.gather;
+	scenery_restrict(ws, pass, GROUPS_DRAWN);
+	passes_run(ws->passes, pass);
+	pass->indirect = 0;
+	return true;
+}
+
+/* By a ray each. */
+static void cast_records(struct workspace *ws, const struct frame *f, struct pass *pass)
+{
+	pass->name = "surfaces-cast";
+	pass->program = f->scenery.cast;
+	pass->threads[0] = pass->tile[2] * pass->tile[3];
+	passes_run(ws->passes, pass);
+}
+
 bool scenery_records(struct workspace *ws, const struct frame *f, const int tile[4], struct error *err)
 {
 	const struct scenery *s = &f->scenery;
 	const int pixels = tile[2] * tile[3];
+	const bool image = f->job.kind == WELKIN_JOB_IMAGE;
+	struct pass pass = { 0 };
 	if (!s->light)
 		return true;
-	if (!workspace_reserve(&ws->surface, (size_t)pixels * 16, false, err))
+	if (!workspace_reserve(&ws->surface, (size_t)pixels * 16, false, err) || !empty_lists(ws, pixels, err))
 		return false;
-	struct pass pass = { .name = "surfaces-gather", .program = s->gather, .threads = { tile[2], tile[3], 1 } };
-	/* for the few pixels of the meter, rays are cheaper than a look at every triangle */
-	if (s->draw && f->stage != FRAME_METER) {
-		if (!need_raster(ws, f, tile, err))
-			return false;
-		memcpy(pass.box, ws->raster.band, sizeof pass.box);
-		passes_texture(ws->passes, UNIT_RASTER, ws->raster.color);
-		surfaces_bind(s->surfaces, ws->passes, pass.storage);
-	} else {
-		pass.name = "surfaces-cast";
-		pass.program = s->cast;
-		pass.threads[0] = pixels;
-		pass.threads[1] = 1;
-		surfaces_bind(s->surfaces, ws->passes, pass.storage);
-	}
 	memcpy(pass.tile, tile, sizeof pass.tile);
-	pass.storage[BIND_DIRECTIONS] = f->job.kind == WELKIN_JOB_IMAGE ? ws->rays.id : ws->directions.id;
+	surfaces_bind(s->surfaces, ws->passes, pass.storage);
+	pass.storage[BIND_DIRECTIONS] = image ? ws->rays.id : ws->directions.id;
 	pass.storage[BIND_SURFACES] = ws->surface.id;
-	passes_run(ws->passes, &pass);
+	/* for the few pixels of the meter, rays are cheaper than a look at every triangle */
+	if (!s->draw || f->stage == FRAME_METER)
+		cast_records(ws, f, &pass);
+	else if (!gather_records(ws, f, &pass, err))
+		return false;
+	if (image)
+		run_list(ws, s->list, pass);
 	return true;
 }
 
@@ -320,7 +370,10 @@ void scenery_light(
 	memcpy(pass.storage, storage, sizeof pass.storage);
 	surfaces_bind(s->surfaces, ws->passes, pass.storage);
 	pass.storage[BIND_SURFACES] = ws->surface.id;
-	passes_run(ws->passes, &pass);
+	struct pass light = pass;
+	if (f->job.kind == WELKIN_JOB_IMAGE)
+		scenery_restrict(ws, &light, GROUPS_SURFACES);
+	passes_run(ws->passes, &light);
 	if (!s->shafts)
 		return;
 	pass.name = "shafts";

@@ -53,7 +53,7 @@ struct workspace {
 	struct buffer output, counters;                         /* mapped */
 	struct buffer cloud_light, cloud_place, cloud_layer;    /* device only */
 	struct buffer cloud_lattice, cloud_list;                /* device only */
-	struct buffer surface;                                  /* device only: records of the strip's pixels */
+	struct buffer surface, groups; /* device only: records of the strip's pixels; their lists */
 	struct raster raster;
 	struct buffer meter;                              /* mapped */
 	struct buffer samples, sample_layers;             /* mapped; progressive methods */

@@ -45,6 +45,7 @@ typedef unsigned int uint;
 #define BIND_CLOUD_PLACE 8   /* vec4 per pixel: where they are */
 #define BIND_PATHS 8         /* kernel of the reference: PATH_UVEC4S per ray, paths through clouds that the next dispatch goes on with */
 #define PATH_UVEC4S 7
+#define BIND_GROUPS 8        /* kernels of an image with a scene: GROUPS_ of uint, groups of WORKGROUP_LINE pixels of the strip that show something; surfaces_list.comp */
 #define PATH_DISPATCHES 32   /* so many at most, counted by LOCATION_ITERATION */
 #define BIND_SURFACES 9      /* uvec4 per pixel: what of the scene it shows, shaders/surface_record.glsl */
 #define BIND_CLOUD_LAYER 10   /* two vec4 per pixel: light that clouds add, linear Rec.709 cd/m², and their transmittance; x of the other: their mean distance in m */
@@ -137,6 +138,7 @@ typedef unsigned int uint;
 
 /* Plain uniforms */
 #define LOCATION_TILE 0  /* ivec4: x, y, width, height of the strip in the image; a radiance job: first direction, 0, count, 1 */
+#define LOCATION_GROUPS 11 /* int: which list of BIND_GROUPS says what pixels to work on, counted from 1; 0: all */
 #define LOCATION_BATCH 1 /* int: index of the spectral batch; 0 clears the accumulators */
 #define LOCATION_PLANES 2 /* ivec4: where in BIND_OUTPUT, in uints, inscatter, transmittance, depth and clouds start; -1: not wanted */
 #define LOCATION_WHITE 3 /* vec4: linear Rec.709 of the sun's irradiance over all batches, and its luminance: what a transmittance of 1 adds up to */
@@ -148,6 +150,14 @@ typedef unsigned int uint;
 #define WORKGROUP_X 16
 #define WORKGROUP_Y 4
 #define WORKGROUP_LINE 64 /* of kernels that number pixels instead */
+
+/* BIND_GROUPS: for each list workgroups along x, y, z, and one unused; then the lists, interleaved. */
+#define GROUPS_DRAWN 0
+#define GROUPS_SURFACES 1
+#define GROUPS_SKY 2
+#define GROUPS_LISTS 3
+#define GROUPS_HEAD 4
+#define GROUPS_FIRST 12
 
 /* Bits of FrameBlock.features: what the planner left in. A kernel skips what is not set. */
 #define FEATURE_SUN_DISK 1

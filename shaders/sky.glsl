@@ -184,7 +184,7 @@ void write_pixel(int i, Ray ray, bool shown)
 
 void main()
 {
-	int i = int(gl_GlobalInvocationID.x);
+	int i = own_pixel();
 	if (i >= tile.z * tile.w * RAY_SHARE)
 		return;
 	int ray_index = i / RAY_SHARE;

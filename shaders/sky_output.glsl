@@ -22,20 +22,37 @@ layout(std430, binding = BIND_SURFACES) readonly buffer Surfaces { uvec4 surface
 #define WANTED(bits) (frame.features & (bits))
 #endif
 
+#ifndef SEVERAL_DISPATCHES /* whose paths are kept at the same binding */
+layout(std430, binding = BIND_GROUPS) readonly buffer Groups { uint groups[]; };
+layout(location = LOCATION_GROUPS) uniform int group_list;
+#endif
+
+/* The pixel that is this invocation's. */
+int own_pixel()
+{
+#ifndef SEVERAL_DISPATCHES
+	if (group_list > 0)
+		return int(groups[GROUPS_FIRST + GROUPS_LISTS * gl_WorkGroupID.x + uint(group_list - 1)]) * WORKGROUP_LINE +
+			int(gl_LocalInvocationID.x);
+#endif
+	return int(gl_GlobalInvocationID.x);
+}
+
 bool feature(int bit)
 {
 	return (frame.features & bit) != 0;
 }
 
-/* Adds a surface at distance t to a pixel whose batch the sky's kernel has begun: the air before it, and its own light
- * that arrives. */
+/* Adds a surface at distance t to a pixel whose batch the sky's kernel has begun, unless the surface fills it: the air before
+ * it, and its own light that arrives. */
 void add_surface(int i, float t, float coverage, vec4 air, vec4 L)
 {
 	if (WANTED(FEATURE_SPECTRAL) != 0) {
 		radiance[i] += coverage * (air + L);
 		return;
 	}
-	radiance[i].rgb += coverage * to_rgb(air + L);
+	vec4 begun = batch == 0 && coverage >= 1.0 ? vec4(0.0) : radiance[i];
+	radiance[i] = vec4(begun.rgb + coverage * to_rgb(air + L), begun.a);
 	if (WANTED(FEATURE_LAYERS) != 0)
 		inscatter[i] = vec4(inscatter[i].rgb + coverage * to_rgb(air), t);
 }

@@ -49,7 +49,7 @@ void light_pixel(int i, vec3 d, Surface s)
 
 void main()
 {
-	int i = int(gl_GlobalInvocationID.x);
+	int i = own_pixel();
 	if (i >= tile.z * tile.w)
 		return;
 	Surface s = surface_unpack(surface[i]);

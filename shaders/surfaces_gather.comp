@@ -3,19 +3,21 @@
 #include "surface_hit.glsl"
 #include "surface_ground.glsl"
 
-layout(local_size_x = WORKGROUP_X, local_size_y = WORKGROUP_Y) in;
+layout(local_size_x = WORKGROUP_LINE) in; /* of the list GROUPS_DRAWN */
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BOX) uniform ivec4 box; /* of the image, what is drawn */
 layout(binding = UNIT_RASTER) uniform usampler2DMS raster;
 layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
+layout(std430, binding = BIND_GROUPS) readonly buffer Groups { uint groups[]; };
 layout(std430, binding = BIND_SURFACES) writeonly buffer Surfaces { uvec4 surface[]; };
 
 void main()
 {
-	ivec2 at = ivec2(gl_GlobalInvocationID.xy);
-	if (any(greaterThanEqual(at, tile.zw)))
+	int i = int(groups[GROUPS_FIRST + GROUPS_LISTS * gl_WorkGroupID.x + uint(GROUPS_DRAWN)]) * WORKGROUP_LINE +
+		int(gl_LocalInvocationID.x);
+	if (i >= tile.z * tile.w)
 		return;
-	int i = at.y * tile.z + at.x;
+	ivec2 at = ivec2(i % tile.z, i / tile.z);
 	ivec2 drawn = at + tile.xy - box.xy;
 	uvec4 s = uvec4(texelFetch(raster, drawn, 0).r, texelFetch(raster, drawn, 1).r, texelFetch(raster, drawn, 2).r,
 		texelFetch(raster, drawn, 3).r);
