@@ -75,6 +75,18 @@ static const struct program *choose_light(struct workspace *ws, const struct fra
 	return programs_get(ws->programs, "surfaces.comp", choices, err);
 }
 
+static bool choose_shafts(struct workspace *ws, struct frame *f, struct error *err)
+{
+	for (int behind = 0; behind < 2; behind++) {
+		char choices[64];
+		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d BEHIND=%d%s", f->plan.epipolar,
+			!f->method->single_scattering, behind, plain(f));
+		if (!(f->scenery.shafts[behind] = programs_get(ws->programs, "shafts.comp", choices, err)))
+			return false;
+	}
+	return true;
+}
+
 bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 {
 	struct scenery *s = &f->scenery;
@@ -100,10 +112,7 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	}
 	if (f->plan.features & FEATURE_SHAFTS) {
 		shafts_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
-		char choices[64];
-		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d%s", f->plan.epipolar,
-			!f->method->single_scattering, plain(f));
-		if (!(s->shafts = programs_get(ws->programs, "shafts.comp", choices, err)))
+		if (!choose_shafts(ws, f, err))
 			return false;
 	}
 	s->cast = programs_get(ws->programs, "surfaces_cast.comp", "", err);
@@ -357,6 +366,14 @@ bool scenery_records(struct workspace *ws, const struct frame *f, const int tile
 	return true;
 }
 
+/* Directions of a radiance job are few, and not listed. */
+static void run_listed(struct workspace *ws, const struct frame *f, struct pass pass, int list)
+{
+	if (f->job.kind == WELKIN_JOB_IMAGE)
+		scenery_restrict(ws, &pass, list);
+	passes_run(ws->passes, &pass);
+}
+
 void scenery_light(
 	struct workspace *ws, const struct frame *f, const int tile[4], int batch, const unsigned storage[PASS_STORAGE])
 {
@@ -370,15 +387,14 @@ void scenery_light(
 	memcpy(pass.storage, storage, sizeof pass.storage);
 	surfaces_bind(s->surfaces, ws->passes, pass.storage);
 	pass.storage[BIND_SURFACES] = ws->surface.id;
-	struct pass light = pass;
-	if (f->job.kind == WELKIN_JOB_IMAGE)
-		scenery_restrict(ws, &light, GROUPS_SURFACES);
-	passes_run(ws->passes, &light);
-	if (!s->shafts)
+	run_listed(ws, f, pass, GROUPS_SURFACES);
+	if (!s->shafts[0])
 		return;
 	pass.name = "shafts";
-	pass.program = s->shafts;
-	passes_run(ws->passes, &pass);
+	pass.program = s->shafts[0];
+	run_listed(ws, f, pass, GROUPS_SURFACES);
+	pass.program = s->shafts[1];
+	run_listed(ws, f, pass, GROUPS_SKY);
 }
 
 void scenery_bind_rays(struct workspace *ws, const struct frame *f, unsigned storage[PASS_STORAGE])

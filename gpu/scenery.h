@@ -15,7 +15,8 @@ struct workspace;
 struct scenery {
 	bool there;                /* the frame has a scene that can matter */
 	struct surfaces *surfaces; /* good for the slice in hand */
-	const struct program *draw, *list_drawn, *gather, *cast, *list, *light, *shafts;
+	const struct program *draw, *list_drawn, *gather, *cast, *list, *light,
+		*shafts[2]; /* shafts: before surfaces, and before what is behind */
 };
 
 /* After the plan: the programs, and the frame's block. */

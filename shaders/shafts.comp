@@ -9,6 +9,11 @@
 #define EPIPOLAR 0
 #endif
 
+/* Likewise: of what the scene covers of a pixel, or of the sky or ground behind. */
+#ifndef BEHIND
+#define BEHIND 0
+#endif
+
 layout(binding = UNIT_SHAFTS) uniform sampler3D shafts_table;
 
 const int SOURCE_EVERY = 8;   /* samples of the shadow for one of the light: that varies slowly */
@@ -35,18 +40,19 @@ vec4 lost_by_march(ShaftRay ray, float end)
 	return lost;
 }
 
-/* From the table up to the last of its distances before `end`; from there by a look at the map, since beyond a surface the
- * table goes on into the ground. */
+/* From the table. Before a surface up to the last of its distances, and from there by a look at the map, since beyond the surface
+ * the table goes on into the ground. */
 vec4 lost_by_table(vec3 d, ShaftRay ray, float end)
 {
 	if (ray.entered < 0.0)
 		return vec4(0.0);
 	vec2 angles = shaft_angles(d);
-	float slice = floor(shaft_slice(end));
+	float slice = BEHIND != 0 ? shaft_slice(end) : floor(shaft_slice(end));
 	vec3 at = vec3((angles.x - surfaces.shaft_range.x) / (surfaces.shaft_range.y - surfaces.shaft_range.x) * float(SHAFT_ANGLES - 1),
 		(angles.y - surfaces.shaft_range.z) / (surfaces.shaft_range.w - surfaces.shaft_range.z) * float(SHAFT_PLANES - 1), slice);
 	vec4 lost = textureLod(shafts_table, (at + 0.5) / vec3(SHAFT_ANGLES, SHAFT_PLANES, SHAFT_DISTANCES + 1), 0.0) * 1e-3 *
 		bands.sun_irradiance;
+#if !BEHIND
 	float from = shaft_distance(slice), dt = end - from;
 	if (slice >= float(SHAFT_DISTANCES) || dt <= 0.0)
 		return lost;
@@ -60,12 +66,13 @@ vec4 lost_by_table(vec3 d, ShaftRay ray, float end)
 		vec3 column = shaft_column(ray, max(ray.entered, 0.0), from, 2);
 		lost += shaft_source(ray, from + 0.5 * dt, dt, column) * (dt * float(shadowed) / float(REST_SAMPLES));
 	}
+#endif
 	return lost;
 }
 
 void main()
 {
-	int i = int(gl_GlobalInvocationID.x);
+	int i = own_pixel();
 	if (i >= tile.z * tile.w)
 		return;
 	uvec4 record = surface[i];
@@ -73,19 +80,19 @@ void main()
 	if (at.w < 0.0)
 		return;
 	ShaftRay ray = shaft_ray(at.xyz);
-	float covered = surface_coverage(record), ground = ray_ground_distance(ray.h, ray.mu);
-	vec4 lost = vec4(0.0);
-	/* the surface's share of the pixel, then the sky's: few have both, and nothing should cost them all twice */
-	int side = covered > 0.0 ? 0 : 1;
-	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
-		float weight = side == 0 ? covered : 1.0 - covered;
-		float end = side == 0 ? uintBitsToFloat(record.x) : ground >= 0.0 ? ground : 1e9;
-#if EPIPOLAR
-		lost += weight * lost_by_table(at.xyz, ray, end);
+	float covered = surface_coverage(record), weight = BEHIND != 0 ? 1.0 - covered : covered;
+	if (weight <= 0.0)
+		return;
+#if BEHIND
+	float ground = ray_ground_distance(ray.h, ray.mu), end = ground >= 0.0 ? ground : 1e9;
 #else
-		lost += weight * lost_by_march(ray, end);
+	float end = uintBitsToFloat(record.x);
 #endif
-	} while (++side <= (covered < 1.0 ? 1 : 0));
+#if EPIPOLAR
+	vec4 lost = weight * lost_by_table(at.xyz, ray, end);
+#else
+	vec4 lost = weight * lost_by_march(ray, end);
+#endif
 	if (WANTED(FEATURE_SPECTRAL) != 0) {
 		radiance[i] = max(radiance[i] - lost, 0.0);
 		return;

@@ -107,8 +107,8 @@ typedef unsigned int uint;
 
 /* Samples of the shafts' table: angle from the sun, planes through it, distances; depths along a plane, whose minima and
  * maxima go up to blocks of 2^SHAFT_LEVELS. */
-#define SHAFT_ANGLES 192
-#define SHAFT_PLANES 256
+#define SHAFT_ANGLES 96
+#define SHAFT_PLANES 192
 #define SHAFT_DISTANCES 32
 #define SHAFT_DEPTHS 1024
 #define SHAFT_LEVELS 5
