@@ -187,10 +187,10 @@ void passes_run(struct passes *passes, const struct pass *pass)
 	} else {
 		glDispatchCompute(groups(pass, 0), groups(pass, 1), groups(pass, 2));
 	}
-	/* Whatever the pass wrote, the next may read as buffer, image, texture or vertices, and we through a mapping.
-	 */
+	/* Whatever the pass wrote, the next may read as buffer, image, texture or vertices, and we through a mapping,
+	 * or write anew. */
 	glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_TEXTURE_FETCH_BARRIER_BIT |
-			GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_COMMAND_BARRIER_BIT |
+			GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_COMMAND_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT |
 			GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT | GL_VERTEX_ATTRIB_ARRAY_BARRIER_BIT);
 	end_timing(passes, pass->name, start);
 }

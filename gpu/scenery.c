@@ -10,6 +10,8 @@
 #include <stdio.h>
 #include <string.h>
 
+enum { RECORD_BYTES = 16 }; /* shaders/surface_record.glsl */
+
 /* llvmpipe filters anisotropically at ten times the cost of the whole pass without. */
 static int anisotropy(const struct workspace *ws)
 {
@@ -324,6 +326,9 @@ static bool gather_records(struct workspace *ws, const struct frame *f, struct p
 		return false;
 	memcpy(pass->box, ws->raster.band, sizeof pass->box);
 	passes_texture(ws->passes, UNIT_RASTER, ws->raster.color);
+	/* those of groups that are not listed */
+	glClearNamedBufferSubData(ws->surface.id, GL_RGBA32UI, 0,
+		(GLsizeiptr)pass->tile[2] * pass->tile[3] * RECORD_BYTES, GL_RGBA_INTEGER, GL_UNSIGNED_INT, NULL);
 	run_list(ws, f->scenery.list_drawn, *pass);
 	pass->name = "surfaces-gather";
 	pass->program = f->scenery.gather;
@@ -350,7 +355,8 @@ bool scenery_records(struct workspace *ws, const struct frame *f, const int tile
 	struct pass pass = { 0 };
 	if (!s->light)
 		return true;
-	if (!workspace_reserve(&ws->surface, (size_t)pixels * 16, false, err) || !empty_lists(ws, pixels, err))
+	if (!workspace_reserve(&ws->surface, (size_t)pixels * RECORD_BYTES, false, err) ||
+		!empty_lists(ws, pixels, err))
 		return false;
 	memcpy(pass.tile, tile, sizeof pass.tile);
 	surfaces_bind(s->surfaces, ws->passes, pass.storage);

@@ -9,11 +9,11 @@
 #define DRAWN 0
 #endif
 
-layout(local_size_x = WORKGROUP_LINE) in;
+layout(local_size_x = WORKGROUP_LINE / 8) in; /* there are few, each with as many pixels to look at */
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BOX) uniform ivec4 box; /* of the image, what is drawn */
 layout(binding = UNIT_RASTER) uniform usampler2DMS raster;
-layout(std430, binding = BIND_SURFACES) buffer Surfaces { uvec4 surface[]; };
+layout(std430, binding = BIND_SURFACES) readonly buffer Surfaces { uvec4 surface[]; };
 layout(std430, binding = BIND_GROUPS) buffer Groups { uint groups[]; };
 
 void add_to_list(int list, int group)
@@ -51,14 +51,8 @@ void main()
 		most = max(most, share);
 	} while (++i < end && (most == 0.0 || (DRAWN == 0 && least == 1.0)));
 #if DRAWN
-	if (most > 0.0) {
+	if (most > 0.0)
 		add_to_list(GROUPS_DRAWN, group);
-		return;
-	}
-	i = first;
-	do {
-		surface[i] = uvec4(0u);
-	} while (++i < end);
 #else
 	if (most > 0.0)
 		add_to_list(GROUPS_SURFACES, group);
