@@ -17,7 +17,7 @@ void main()
 		int(gl_LocalInvocationID.x);
 	if (i >= tile.z * tile.w)
 		return;
-	ivec2 at = ivec2(i % tile.z, i / tile.z);
+	ivec2 at = strip_place(i, tile.z);
 	ivec2 drawn = at + tile.xy - box.xy;
 	uvec4 s = uvec4(texelFetch(raster, drawn, 0).r, texelFetch(raster, drawn, 1).r, texelFetch(raster, drawn, 2).r,
 		texelFetch(raster, drawn, 3).r);

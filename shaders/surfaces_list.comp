@@ -25,7 +25,7 @@ void add_to_list(int list, int group)
 #if DRAWN
 float covered(int i)
 {
-	ivec2 at = ivec2(i % tile.z, i / tile.z) + tile.xy - box.xy;
+	ivec2 at = strip_place(i, tile.z) + tile.xy - box.xy;
 	uint any_ = 0u;
 	for (int k = 0; k < RASTER_SAMPLES; k++)
 		any_ |= texelFetch(raster, at, k).r;
