@@ -140,6 +140,9 @@ bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4
 	const bool random_T = f->method->progressive && f->plan.features & FEATURE_CLOUDS;
 	sky.storage[BIND_TRANSMITTANCE] = random_T ? ws->sample_transmittance.id : ws->transmittance.id;
 	sky.storage[BIND_SURFACES] = ws->surface.id;
+	/* pixels that the scene fills are its own, unless more is wanted of them, or clouds add to them first */
+	if (f->scenery.light && !f->clouds && sky.program == f->plain)
+		scenery_restrict(ws, &sky, GROUPS_SKY);
 	scenery_bind_rays(ws, f, sky.storage);
 	for (sky.batch = 0; sky.batch < f->scene.n_batches; sky.batch++) {
 		frame_tables(ws, f, sky.batch, NULL);

@@ -36,7 +36,7 @@ _Static_assert(sizeof(struct SurfacesBlock) <= SURFACES_STRIDE, "SurfacesBlock o
 _Static_assert(sizeof(struct FittedBlock) <= FITTED_STRIDE, "FittedBlock outgrew its slot");
 
 struct passes {
-	bool synchronous, drawn; /* drawn: in this slice */
+	bool synchronous, drawn; /* drawn: ever */
 	unsigned blocks, nodes;  /* buffers */
 	int n_nodes;
 	float (*node_copy)[2]; /* what the device has, to leave out uploads of the same */
@@ -145,6 +145,8 @@ static void bind(const struct passes *passes, const struct pass *pass)
 		glUniform4iv(LOCATION_PLANES, 1, pass->planes);
 	if (pass->program->has_white)
 		glUniform4fv(LOCATION_WHITE, 1, pass->white);
+	if (pass->program->has_groups)
+		glUniform1i(LOCATION_GROUPS, pass->group_list);
 	if (pass->program->has_box)
 		glUniform4iv(LOCATION_BOX, 1, pass->box);
 	if (pass->program->has_rows)
@@ -185,10 +187,10 @@ void passes_run(struct passes *passes, const struct pass *pass)
 	} else {
 		glDispatchCompute(groups(pass, 0), groups(pass, 1), groups(pass, 2));
 	}
-	/* Whatever the pass wrote, the next may read as buffer, image, texture or vertices, and we through a mapping.
-	 */
+	/* Whatever the pass wrote, the next may read as buffer, image, texture or vertices, and we through a mapping,
+	 * or write anew. */
 	glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_TEXTURE_FETCH_BARRIER_BIT |
-			GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_COMMAND_BARRIER_BIT |
+			GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_COMMAND_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT |
 			GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT | GL_VERTEX_ATTRIB_ARRAY_BARRIER_BIT);
 	end_timing(passes, pass->name, start);
 }
@@ -273,7 +275,6 @@ bool passes_finish(struct passes *passes, struct pass_log *log, struct error *er
 			pass_log_add(log, passes->names[i], ms);
 	}
 	passes->n = 0;
-	passes->drawn = false;
 	const char *trouble = device_trouble();
 	if (trouble || !waited)
 		return error_set(err, "the context failed: %s", trouble ? trouble : "waiting for the device");

@@ -35,6 +35,7 @@ struct pass {
 	int planes[4];                  /* LOCATION_PLANES */
 	float white[4];                 /* LOCATION_WHITE */
 	int box[4];                     /* LOCATION_BOX */
+	int group_list;                 /* LOCATION_GROUPS */
 	float rows[3][4];               /* LOCATION_ROWS */
 	unsigned image, image_format;   /* image unit 0, write only; 0: none */
 	int threads[3];                 /* at least so many invocations; 0 counts as 1 */

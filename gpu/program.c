@@ -282,7 +282,7 @@ bool programs_add_file(struct programs *programs, const char *name, const char *
 
 const struct program *programs_get(struct programs *programs, const char *name, const char *choices, struct error *err)
 {
-	char full[64];
+	char full[96];
 	snprintf(full, sizeof full, "%s%s%s", name, *choices ? " " : "", choices);
 	for (int i = 0; i < programs->n; i++)
 		if (strcmp(programs->list[i].name, full) == 0)
@@ -306,6 +306,7 @@ const struct program *programs_get(struct programs *programs, const char *name, 
 	p->has_planes = glGetUniformLocation(id, "planes") == LOCATION_PLANES;
 	p->has_white = glGetUniformLocation(id, "white") == LOCATION_WHITE;
 	p->has_rows = glGetUniformLocation(id, "rows") == LOCATION_ROWS;
+	p->has_groups = glGetUniformLocation(id, "group_list") == LOCATION_GROUPS;
 	p->has_box = glGetUniformLocation(id, "box") == LOCATION_BOX;
 	return p;
 }

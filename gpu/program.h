@@ -13,11 +13,11 @@ struct programs *programs_create(const char *shader_dir);
 void programs_destroy(struct programs *programs);
 
 struct program {
-	char name[64]; /* with its choices */
+	char name[96]; /* with its choices */
 	unsigned id;
 	int group[3]; /* local size; 0 of a program that draws */
-	bool has_tile, has_batch, has_iteration, has_samples, has_planes, has_white, has_rows,
-		has_box; /* which plain uniforms of shared.h it uses */
+	bool has_tile, has_batch, has_iteration, has_samples, has_planes, has_white, has_rows, has_box,
+		has_groups; /* which plain uniforms of shared.h it uses */
 };
 
 /* Adds a file that is in memory: `name` is how programs_get() and #include lines know it, in front of all others;

@@ -5,9 +5,12 @@
 #include "gpu/shafts.h"
 #include "gpu/sky_tables.h"
 
+#include <epoxy/gl.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+
+enum { RECORD_BYTES = 16 }; /* shaders/surface_record.glsl */
 
 /* llvmpipe filters anisotropically at ten times the cost of the whole pass without. */
 static int anisotropy(const struct workspace *ws)
@@ -60,6 +63,38 @@ static bool whole_window(const struct frame *f, struct surfaces_window *w)
 	return true;
 }
 
+/* Nothing beside colours is wanted of its pixels. The disk's are added to after all else. */
+static const char *plain(const struct frame *f)
+{
+	return f->job.kind == WELKIN_JOB_IMAGE && !(f->plan.features & FEATURE_LAYERS) ? " PLAIN=1" : "";
+}
+
+static const char *clouded(const struct frame *f)
+{
+	return f->plan.features & FEATURE_CLOUDS ? " CLOUDS=1" : "";
+}
+
+static const struct program *choose_light(struct workspace *ws, const struct frame *f, struct error *err)
+{
+	char choices[64];
+	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d SHADING=%d SHADOW_FILTER=%d%s%s",
+		f->method->single_scattering, f->scene.surfaces.shading, f->scene.surfaces.shadow_filter, plain(f),
+		clouded(f));
+	return programs_get(ws->programs, "surfaces.comp", choices, err);
+}
+
+static bool choose_shafts(struct workspace *ws, struct frame *f, struct error *err)
+{
+	for (int behind = 0; behind < 2; behind++) {
+		char choices[64];
+		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d BEHIND=%d%s%s", f->plan.epipolar,
+			!f->method->single_scattering, behind, plain(f), clouded(f));
+		if (!(f->scenery.shafts[behind] = programs_get(ws->programs, "shafts.comp", choices, err)))
+			return false;
+	}
+	return true;
+}
+
 bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 {
 	struct scenery *s = &f->scenery;
@@ -81,21 +116,18 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	shadow_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
 	if (draws(f)) {
 		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
+		s->list_drawn = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=1", err);
 		s->gather = programs_get(ws->programs, "surfaces_gather.comp", "", err);
 	}
-	const char *clouds = f->plan.features & FEATURE_CLOUDS ? " CLOUDS=1" : "";
-	char choices[64];
 	if (f->plan.features & FEATURE_SHAFTS) {
 		shafts_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
-		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d%s", f->plan.epipolar,
-			!f->method->single_scattering, clouds);
-		if (!(s->shafts = programs_get(ws->programs, "shafts.comp", choices, err)))
+		if (!choose_shafts(ws, f, err))
 			return false;
 	}
 	s->cast = programs_get(ws->programs, "surfaces_cast.comp", "", err);
-	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d%s", f->method->single_scattering, clouds);
-	s->light = programs_get(ws->programs, "surfaces.comp", choices, err);
-	return (!draws(f) || (s->draw && s->gather)) && s->cast && s->light;
+	s->list = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=0", err);
+	s->light = choose_light(ws, f, err);
+	return (!draws(f) || (s->draw && s->list_drawn && s->gather)) && s->cast && s->list && s->light;
 }
 
 /* Open sky of some more vertices: once for a mesh, over as many slices as it takes. */
@@ -144,6 +176,35 @@ enum table_state scenery_tables(struct workspace *ws, const struct frame *f, int
 }
 
 /* ---- records ---- */
+
+/* What the raster's content depends on. */
+struct raster_key {
+	char mesh[sizeof((struct surfaces *)0)->key];
+	struct bending bending;
+	float axis[3][4], camera_high[4], camera_low[4];
+	float right[4], up[4], forward[4], tan_half_fov;
+	int projection, face, width, height;
+};
+
+static void make_raster_key(struct raster_key *key, const struct frame *f)
+{
+	const struct SurfacesBlock *block = &f->scene.surfaces;
+	const struct FrameBlock *frame = &f->scene.frame;
+	memset(key, 0, sizeof *key);
+	memcpy(key->mesh, f->scenery.surfaces->key, sizeof key->mesh);
+	key->bending = f->scenery.surfaces->bending;
+	memcpy(key->axis, block->axis, sizeof key->axis);
+	memcpy(key->camera_high, block->camera_high, sizeof key->camera_high);
+	memcpy(key->camera_low, block->camera_low, sizeof key->camera_low);
+	memcpy(key->right, frame->camera_right, sizeof key->right);
+	memcpy(key->up, frame->camera_up, sizeof key->up);
+	memcpy(key->forward, frame->camera_forward, sizeof key->forward);
+	key->tan_half_fov = frame->tan_half_fov;
+	key->projection = frame->projection;
+	key->face = frame->cube_face;
+	key->width = frame->width;
+	key->height = frame->height;
+}
 
 /* Draws what one window sees; tile: where the raster's first pixel lies in the image. */
 static void draw_window(
@@ -208,34 +269,122 @@ static void draw_tile(struct workspace *ws, const struct frame *f, const int til
 	draw_window(ws, f, tile, &w);
 }
 
+static bool holds(const int band[4], const int tile[4])
+{
+	return tile[0] >= band[0] && tile[1] >= band[1] && tile[0] + tile[2] <= band[0] + band[2] &&
+	       tile[1] + tile[3] <= band[1] + band[3];
+}
+
+/* Sees to it that the raster holds the tile: with it comes what lies below, as far as there is room. */
+static bool need_raster(struct workspace *ws, const struct frame *f, const int tile[4], struct error *err)
+{
+	struct raster *r = &ws->raster;
+	struct raster_key key;
+	_Static_assert(sizeof key <= sizeof r->key, "raise the raster's key");
+	make_raster_key(&key, f);
+	if (r->band[2] > 0 && memcmp(r->key, &key, sizeof key) == 0 && holds(r->band, tile))
+		return true;
+	int band[4] = { 0, tile[1], f->scene.frame.width, f->scene.frame.height - tile[1] };
+	if (band[3] > RASTER_PIXELS / band[2])
+		band[3] = RASTER_PIXELS / band[2];
+	if (!holds(band, tile))
+		memcpy(band, tile, sizeof band);
+	r->band[2] = 0;
+	if (!workspace_reserve_raster(ws, band[2], band[3], err))
+		return false;
+	draw_tile(ws, f, band);
+	memcpy(r->key, &key, sizeof key);
+	memcpy(r->band, band, sizeof r->band);
+	return true;
+}
+
+void scenery_restrict(const struct workspace *ws, struct pass *pass, int list)
+{
+	pass->storage[BIND_GROUPS] = ws->groups.id;
+	pass->group_list = list + 1;
+	pass->indirect = ws->groups.id;
+	pass->indirect_at = list * GROUPS_HEAD * (int)sizeof(uint);
+}
+
+static bool empty_lists(struct workspace *ws, int pixels, struct error *err)
+{
+	static const uint heads[GROUPS_LISTS][GROUPS_HEAD] = { { 0, 1, 1, 0 }, { 0, 1, 1, 0 }, { 0, 1, 1, 0 } };
+	const size_t groups = ((size_t)pixels + WORKGROUP_LINE - 1) / WORKGROUP_LINE;
+	if (!workspace_reserve(&ws->groups, (GROUPS_FIRST + GROUPS_LISTS * groups) * sizeof(uint), false, err))
+		return false;
+	glNamedBufferSubData(ws->groups.id, 0, sizeof heads, heads);
+	return true;
+}
+
+static void run_list(struct workspace *ws, const struct program *program, struct pass pass)
+{
+	pass.name = "surfaces-list";
+	pass.program = program;
+	pass.threads[0] = (pass.tile[2] * pass.tile[3] + WORKGROUP_LINE - 1) / WORKGROUP_LINE;
+	pass.threads[1] = 1;
+	pass.storage[BIND_GROUPS] = ws->groups.id;
+	passes_run(ws->passes, &pass);
+}
+
+/* By what was drawn of them. */
+static bool gather_records(struct workspace *ws, const struct frame *f, struct pass *pass, struct error *err)
+{
+	if (!need_raster(ws, f, pass->tile, err))
+		return false;
+	memcpy(pass->box, ws->raster.band, sizeof pass->box);
+	passes_texture(ws->passes, UNIT_RASTER, ws->raster.color);
+	/* those of groups that are not listed */
+	glClearNamedBufferSubData(ws->surface.id, GL_RGBA32UI, 0,
+		(GLsizeiptr)pass->tile[2] * pass->tile[3] * RECORD_BYTES, GL_RGBA_INTEGER, GL_UNSIGNED_INT, NULL);
+	run_list(ws, f->scenery.list_drawn, *pass);
+	pass->name = "surfaces-gather";
+	pass->program = f->scenery.gather;
+	scenery_restrict(ws, pass, GROUPS_DRAWN);
+	passes_run(ws->passes, pass);
+	pass->indirect = 0;
+	return true;
+}
+
+/* By a ray each. */
+static void cast_records(struct workspace *ws, const struct frame *f, struct pass *pass)
+{
+	pass->name = "surfaces-cast";
+	pass->program = f->scenery.cast;
+	pass->threads[0] = pass->tile[2] * pass->tile[3];
+	passes_run(ws->passes, pass);
+}
+
 bool scenery_records(struct workspace *ws, const struct frame *f, const int tile[4], struct error *err)
 {
 	const struct scenery *s = &f->scenery;
 	const int pixels = tile[2] * tile[3];
+	const bool image = f->job.kind == WELKIN_JOB_IMAGE;
+	struct pass pass = { 0 };
 	if (!s->light)
 		return true;
-	if (!workspace_reserve(&ws->surface, (size_t)pixels * 16, false, err))
+	if (!workspace_reserve(&ws->surface, (size_t)pixels * RECORD_BYTES, false, err) ||
+		!empty_lists(ws, pixels, err))
 		return false;
-	struct pass pass = { .name = "surfaces-gather", .program = s->gather, .threads = { tile[2], tile[3], 1 } };
-	/* for the few pixels of the meter, rays are cheaper than a look at every triangle */
-	if (s->draw && f->stage != FRAME_METER) {
-		if (!workspace_reserve_raster(ws, tile[2], tile[3], err))
-			return false;
-		draw_tile(ws, f, tile);
-		passes_texture(ws->passes, UNIT_RASTER, ws->raster.color);
-		surfaces_bind(s->surfaces, ws->passes, pass.storage);
-	} else {
-		pass.name = "surfaces-cast";
-		pass.program = s->cast;
-		pass.threads[0] = pixels;
-		pass.threads[1] = 1;
-		surfaces_bind(s->surfaces, ws->passes, pass.storage);
-	}
 	memcpy(pass.tile, tile, sizeof pass.tile);
-	pass.storage[BIND_DIRECTIONS] = f->job.kind == WELKIN_JOB_IMAGE ? ws->rays.id : ws->directions.id;
+	surfaces_bind(s->surfaces, ws->passes, pass.storage);
+	pass.storage[BIND_DIRECTIONS] = image ? ws->rays.id : ws->directions.id;
 	pass.storage[BIND_SURFACES] = ws->surface.id;
-	passes_run(ws->passes, &pass);
+	/* for the few pixels of the meter, rays are cheaper than a look at every triangle */
+	if (!s->draw || f->stage == FRAME_METER)
+		cast_records(ws, f, &pass);
+	else if (!gather_records(ws, f, &pass, err))
+		return false;
+	if (image)
+		run_list(ws, s->list, pass);
 	return true;
+}
+
+/* Directions of a radiance job are few, and not listed. */
+static void run_listed(struct workspace *ws, const struct frame *f, struct pass pass, int list)
+{
+	if (f->job.kind == WELKIN_JOB_IMAGE)
+		scenery_restrict(ws, &pass, list);
+	passes_run(ws->passes, &pass);
 }
 
 void scenery_light(
@@ -253,12 +402,14 @@ void scenery_light(
 	pass.storage[BIND_SURFACES] = ws->surface.id;
 	pass.storage[BIND_CLOUD_LIGHT] = ws->cloud_light.id;
 	pass.storage[BIND_CLOUD_PLACE] = ws->cloud_place.id;
-	passes_run(ws->passes, &pass);
-	if (!s->shafts)
+	run_listed(ws, f, pass, GROUPS_SURFACES);
+	if (!s->shafts[0])
 		return;
 	pass.name = "shafts";
-	pass.program = s->shafts;
-	passes_run(ws->passes, &pass);
+	pass.program = s->shafts[0];
+	run_listed(ws, f, pass, GROUPS_SURFACES);
+	pass.program = s->shafts[1];
+	run_listed(ws, f, pass, GROUPS_SKY);
 }
 
 void scenery_bind_rays(struct workspace *ws, const struct frame *f, unsigned storage[PASS_STORAGE])

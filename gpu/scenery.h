@@ -15,7 +15,8 @@ struct workspace;
 struct scenery {
 	bool there;                /* the frame has a scene that can matter */
 	struct surfaces *surfaces; /* good for the slice in hand */
-	const struct program *draw, *gather, *cast, *light, *shafts;
+	const struct program *draw, *list_drawn, *gather, *cast, *list, *light,
+		*shafts[2]; /* shafts: before surfaces, and before what is behind */
 };
 
 /* After the plan: the programs, and the frame's block. */
@@ -29,6 +30,9 @@ enum table_state scenery_tables(struct workspace *ws, const struct frame *frame,
 
 /* What the tile's pixels (or a radiance job's directions) show of the scene, into ws->surface; their rays are there. */
 bool scenery_records(struct workspace *ws, const struct frame *frame, const int tile[4], struct error *err);
+
+/* Lets a pass of an image work only on pixels of that list, GROUPS_ of shared.h. */
+void scenery_restrict(const struct workspace *ws, struct pass *pass, int list);
 
 /* For a pass that follows rays into the scene: which buffers it finds it in. */
 void scenery_bind_rays(struct workspace *ws, const struct frame *frame, unsigned storage[PASS_STORAGE]);

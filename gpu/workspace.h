@@ -32,11 +32,14 @@ struct cost {
 
 enum { WORKSPACE_COSTS = 64 };
 
-/* What the scene is drawn into, a strip at a time. */
+/* What the scene is drawn into: many strips at a time, since each look at a mesh costs, and kept for the next frame. */
 struct raster {
 	unsigned framebuffer, color, depth; /* multisampled textures */
 	int width, height;
+	int band[4]; /* x, y, width, height of what it holds in the image that `key` tells; width 0: nothing */
+	unsigned char key[512]; /* the image's mesh, camera and projection: scenery.c */
 };
+enum { RASTER_PIXELS = 1 << 20 }; /* so many at most, unless a strip has more */
 
 struct workspace {
 	const struct device *device;
@@ -50,7 +53,7 @@ struct workspace {
 	struct buffer output, counters;                         /* mapped */
 	struct buffer cloud_light, cloud_place, cloud_layer;    /* device only */
 	struct buffer cloud_lattice, cloud_list;                /* device only */
-	struct buffer surface;                                  /* device only: records of the strip's pixels */
+	struct buffer surface, groups; /* device only: records of the strip's pixels; their lists */
 	struct raster raster;
 	struct buffer meter;                              /* mapped */
 	struct buffer samples, sample_layers;             /* mapped; progressive methods */

@@ -342,7 +342,7 @@ void scatter_next(inout Paths p, Flight f, float ground, float extent, float hit
 	count_visits();
 	surface = triangle >= 0;
 	if (surface) {
-		surface_met = surface_hit(triangle, v.at, d, p.order == 1 ? 1e-4 : 0.02);
+		surface_met = surface_hit(triangles[triangle], v.at, d, p.order == 1 ? 1e-4 : 0.02);
 		end_albedo = spectral_albedo(surface_met.albedo);
 		p.sheet = Sheet(0.0, 0.0);
 		cloud = false;

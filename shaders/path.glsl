@@ -225,7 +225,7 @@ bool follow_vertex(inout Vertex v, inout float s0, int order, inout vec4 L)
 	int triangle = scene_meet(v.at, v.d, down, extent);
 	if (triangle >= 0) {
 		ends = true;
-		met = surface_hit(triangle, v.at, v.d, order == 1 ? 1e-4 : 0.02);
+		met = surface_hit(triangles[triangle], v.at, v.d, order == 1 ? 1e-4 : 0.02);
 		albedo = spectral_albedo(met.albedo);
 	}
 #endif

@@ -9,6 +9,11 @@
 #define EPIPOLAR 0
 #endif
 
+/* Likewise: of what the scene covers of a pixel, or of the sky or ground behind. */
+#ifndef BEHIND
+#define BEHIND 0
+#endif
+
 layout(binding = UNIT_SHAFTS) uniform sampler3D shafts_table;
 #ifdef CLOUDS
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer CloudsBefore { vec4 cloud_light[]; }; /* as cloud_compose.comp reads them */
@@ -39,18 +44,19 @@ vec4 lost_by_march(ShaftRay ray, float end)
 	return lost;
 }
 
-/* From the table up to the last of its distances before `end`; from there by a look at the map, since beyond a surface the
- * table goes on into the ground. */
+/* From the table. Before a surface up to the last of its distances, and from there by a look at the map, since beyond the surface
+ * the table goes on into the ground. */
 vec4 lost_by_table(vec3 d, ShaftRay ray, float end)
 {
 	if (ray.entered < 0.0)
 		return vec4(0.0);
 	vec2 angles = shaft_angles(d);
-	float slice = floor(shaft_slice(end));
+	float slice = BEHIND != 0 ? shaft_slice(end) : floor(shaft_slice(end));
 	vec3 at = vec3((angles.x - surfaces.shaft_range.x) / (surfaces.shaft_range.y - surfaces.shaft_range.x) * float(SHAFT_ANGLES - 1),
 		(angles.y - surfaces.shaft_range.z) / (surfaces.shaft_range.w - surfaces.shaft_range.z) * float(SHAFT_PLANES - 1), slice);
 	vec4 lost = textureLod(shafts_table, (at + 0.5) / vec3(SHAFT_ANGLES, SHAFT_PLANES, SHAFT_DISTANCES + 1), 0.0) * 1e-3 *
 		bands.sun_irradiance;
+#if !BEHIND
 	float from = shaft_distance(slice), dt = end - from;
 	if (slice >= float(SHAFT_DISTANCES) || dt <= 0.0)
 		return lost;
@@ -60,11 +66,11 @@ vec4 lost_by_table(vec3 d, ShaftRay ray, float end)
 		vec3 place = ray.place + t * ray.step;
 		shadowed += shadow_holds(place) && shaft_shadowed(ray, t) ? 1 : 0;
 	}
-	/* a loop, which llvmpipe leaves out for pixels that need it not, and not a branch, whose cost it pays for all */
-	for (int left = min(shadowed, 1); left > 0; left--) {
+	if (shadowed > 0) {
 		vec3 column = shaft_column(ray, max(ray.entered, 0.0), from, 2);
 		lost += shaft_source(ray, from + 0.5 * dt, dt, column) * (dt * float(shadowed) / float(REST_SAMPLES));
 	}
+#endif
 	return lost;
 }
 
@@ -77,63 +83,52 @@ vec4 lost_up_to(vec3 d, ShaftRay ray, float end)
 #endif
 }
 
-/* Weights of the rays that make up a pixel: up to the surface, and up to the clouds before it; the same of the sky beside it.
- * Few pixels have more than one, and nothing should cost them all twice. */
-vec4 ray_weights(int i)
+/* Where the ray ends, and where it does before clouds. */
+vec2 ray_ends(int i, ShaftRay ray)
 {
-	float covered = surface_coverage(surface[i]);
-#ifdef CLOUDS
-	int behind = tile.z * tile.w + i;
-	return vec4(covered, covered * (1.0 - cloud_light[behind].x), 1.0 - covered, (1.0 - covered) * (1.0 - cloud_light[i].x));
+#if BEHIND
+	float ground = ray_ground_distance(ray.h, ray.mu), end = ground >= 0.0 ? ground : 1e9;
 #else
-	return vec4(covered, 0.0, 1.0 - covered, 0.0);
+	float end = uintBitsToFloat(surface[i].x);
 #endif
-}
-
-float ray_end(int i, ShaftRay ray, int which)
-{
-	float ground = ray_ground_distance(ray.h, ray.mu);
-	float end = which < 2 ? uintBitsToFloat(surface[i].x) : ground >= 0.0 ? ground : 1e9;
 #ifdef CLOUDS
-	int side = which < 2 ? tile.z * tile.w + i : i;
-	end = (which & 1) != 0 ? min(end, cloud_place[side].x) : end;
+	return vec2(end, min(end, cloud_place[BEHIND != 0 ? i : tile.z * tile.w + i].x));
+#else
+	return vec2(end);
 #endif
-	return end;
 }
 
-/* lost gets what the pixel loses; air, what it would without clouds, which let a part of it through and have air of their own before
- * them. */
-void lost_by_rays(int i, vec3 d, out vec4 lost, out vec4 air)
+#ifdef CLOUDS
+/* Share of the pixel that clouds before its ray's end hide, of that share. */
+float hidden_share(int i, float share)
 {
-	ShaftRay ray = shaft_ray(d);
-	vec4 weights = ray_weights(i);
-	lost = air = vec4(0.0);
-	int which = weights.x > 0.0 ? 0 : 2;
-	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
-		vec4 whole = lost_up_to(d, ray, ray_end(i, ray, which));
-		bool all_of_it = (which & 1) == 0;
-		lost += whole * (all_of_it ? weights[which] - weights[which + 1] : weights[which]);
-		air += whole * (all_of_it ? weights[which] : 0.0);
-		do
-			which++;
-		while (which < 4 && weights[which] <= 0.0);
-	} while (which < 4);
+	return share * (1.0 - cloud_light[BEHIND != 0 ? i : tile.z * tile.w + i].x);
 }
+#endif
 
 void main()
 {
-	int i = int(gl_GlobalInvocationID.x);
+	int i = own_pixel();
 	if (i >= tile.z * tile.w)
 		return;
-	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i], lost, air;
+	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i];
 	if (at.w < 0.0)
 		return;
-	lost_by_rays(i, at.xyz, lost, air);
-	if (feature(FEATURE_SPECTRAL)) {
+	float covered = surface_coverage(surface[i]), share = BEHIND != 0 ? 1.0 - covered : covered;
+	if (share <= 0.0)
+		return;
+	ShaftRay ray = shaft_ray(at.xyz);
+	vec2 ends = ray_ends(i, ray);
+	/* air is what would be lost without clouds, which let a part of it through and have air of their own before them */
+	vec4 air = share * lost_up_to(at.xyz, ray, ends.x), lost = air;
+#ifdef CLOUDS
+	lost += hidden_share(i, share) * (lost_up_to(at.xyz, ray, ends.y) - air / share);
+#endif
+	if (WANTED(FEATURE_SPECTRAL) != 0) {
 		radiance[i] = max(radiance[i] - lost, 0.0);
 		return;
 	}
 	radiance[i].rgb -= to_rgb(lost);
-	if (feature(FEATURE_LAYERS))
+	if (WANTED(FEATURE_LAYERS) != 0)
 		inscatter[i].rgb -= to_rgb(air);
 }

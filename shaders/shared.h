@@ -38,6 +38,7 @@ typedef unsigned int uint;
 #define BIND_COUNTERS 5      /* uint: pixels of the frame that were not finite */
 #define BIND_NODES 6         /* quadrature nodes: vec2 (position in [0,1], weight) */
 #define BIND_CLOUD_LATTICE 4 /* kernels of the march: two vec4 per point, as the next two; cloud_lattice.glsl */
+#define BIND_GROUPS 4        /* kernels of an image with a scene: GROUPS_ of uint, groups of WORKGROUP_LINE pixels of the strip that show something; surfaces_list.comp */
 #define BIND_CLOUD_LIST 5    /* likewise: CLOUD_LIST_ of uint, points to march */
 #define BIND_CLOUD_BEFORE 0  /* likewise: uvec4 per pixel of the image, clouds of the frame before; cloud_history.glsl */
 #define BIND_CLOUD_KEPT 1    /* likewise, of this frame for the next */
@@ -106,8 +107,8 @@ typedef unsigned int uint;
 
 /* Samples of the shafts' table: angle from the sun, planes through it, distances; depths along a plane, whose minima and
  * maxima go up to blocks of 2^SHAFT_LEVELS. */
-#define SHAFT_ANGLES 192
-#define SHAFT_PLANES 256
+#define SHAFT_ANGLES 96
+#define SHAFT_PLANES 192
 #define SHAFT_DISTANCES 32
 #define SHAFT_DEPTHS 1024
 #define SHAFT_LEVELS 5
@@ -137,17 +138,26 @@ typedef unsigned int uint;
 
 /* Plain uniforms */
 #define LOCATION_TILE 0  /* ivec4: x, y, width, height of the strip in the image; a radiance job: first direction, 0, count, 1 */
+#define LOCATION_GROUPS 11 /* int: which list of BIND_GROUPS says what pixels to work on, counted from 1; 0: all */
 #define LOCATION_BATCH 1 /* int: index of the spectral batch; 0 clears the accumulators */
 #define LOCATION_PLANES 2 /* ivec4: where in BIND_OUTPUT, in uints, inscatter, transmittance, depth and clouds start; -1: not wanted */
 #define LOCATION_WHITE 3 /* vec4: linear Rec.709 of the sun's irradiance over all batches, and its luminance: what a transmittance of 1 adds up to */
 #define LOCATION_SAMPLES 6 /* ivec4, progressive methods: first group of paths, groups per ray in this dispatch, paths per group, highest order; clouds of a frame that follows another: cloud_history.glsl */
 #define LOCATION_ITERATION 5 /* int: how often a table's kernel has run before */
 #define LOCATION_ROWS 8  /* vec4[3]: of the matrix that a program which draws projects by, or that gives places in the frame before; cloud_history.glsl */
-#define LOCATION_BOX 4   /* ivec4: x, y, width, height of the part of the strip that the sun's disk may touch */
+#define LOCATION_BOX 4   /* ivec4: x, y, width, height of the part of the strip that the sun's disk may touch; of the image that the scene is drawn of */
 
 #define WORKGROUP_X 16
 #define WORKGROUP_Y 4
 #define WORKGROUP_LINE 64 /* of kernels that number pixels instead */
+
+/* BIND_GROUPS: for each list workgroups along x, y, z, and one unused; then the lists, interleaved. */
+#define GROUPS_DRAWN 0
+#define GROUPS_SURFACES 1
+#define GROUPS_SKY 2
+#define GROUPS_LISTS 3
+#define GROUPS_HEAD 4
+#define GROUPS_FIRST 12
 
 /* Bits of FrameBlock.features: what the planner left in. A kernel skips what is not set. */
 #define FEATURE_SUN_DISK 1

@@ -33,13 +33,6 @@ float surface_reached = -1.0;
 bool sky_pending = false;
 #endif
 
-/* PLAIN, chosen when the program is built: pixels without layers, and none that the sun's disk may touch. */
-#ifdef PLAIN
-#define WANTED(bits) 0
-#else
-#define WANTED(bits) (frame.features & (bits))
-#endif
-
 /* A method that can give colours at less cost defines METHOD_COLOR: linear Rec.709 of L, and a = the luminance of sun ×
  * transmittance. Plain images then ask for that instead. */
 #ifdef METHOD_COLOR
@@ -191,7 +184,7 @@ void write_pixel(int i, Ray ray, bool shown)
 
 void main()
 {
-	int i = int(gl_GlobalInvocationID.x);
+	int i = own_pixel();
 	if (i >= tile.z * tile.w * RAY_SHARE)
 		return;
 	int ray_index = i / RAY_SHARE;

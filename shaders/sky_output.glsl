@@ -15,21 +15,49 @@ layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmi
 layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
 layout(std430, binding = BIND_SURFACES) readonly buffer Surfaces { uvec4 surface[]; };
 
+/* PLAIN, chosen when the program is built: pixels of an image without layers, and none that the sun's disk may touch. */
+#ifdef PLAIN
+#define WANTED(bits) 0
+#else
+#define WANTED(bits) (frame.features & (bits))
+#endif
+
+#ifndef SEVERAL_DISPATCHES /* of paths, which meet the scene themselves */
+layout(std430, binding = BIND_GROUPS) readonly buffer Groups { uint groups[]; };
+layout(location = LOCATION_GROUPS) uniform int group_list;
+#endif
+
+/* The pixel that is this invocation's. */
+int own_pixel()
+{
+#ifndef SEVERAL_DISPATCHES
+	if (group_list > 0)
+		return int(groups[GROUPS_FIRST + GROUPS_LISTS * gl_WorkGroupID.x + uint(group_list - 1)]) * WORKGROUP_LINE +
+			int(gl_LocalInvocationID.x);
+#endif
+	return int(gl_GlobalInvocationID.x);
+}
+
 bool feature(int bit)
 {
 	return (frame.features & bit) != 0;
 }
 
-/* Adds a surface at distance t to a pixel whose batch the sky's kernel has begun: the air before it, its own light
- * that arrives, and what share of both clouds let through. */
+/* Adds a surface at distance t to a pixel whose batch the sky's kernel has begun, unless the surface fills it and there are no clouds:
+ * the air before it, its own light that arrives, and what share of both clouds let through. */
 void add_surface(int i, float t, float coverage, vec4 air, vec4 L, float through)
 {
 	float share = coverage * through;
-	if (feature(FEATURE_SPECTRAL)) {
+	if (WANTED(FEATURE_SPECTRAL) != 0) {
 		radiance[i] += share * (air + L);
 		return;
 	}
-	radiance[i].rgb += share * to_rgb(air + L);
-	if (feature(FEATURE_LAYERS))
+#ifdef CLOUDS
+	vec4 begun = radiance[i];
+#else
+	vec4 begun = batch == 0 && coverage >= 1.0 ? vec4(0.0) : radiance[i];
+#endif
+	radiance[i] = vec4(begun.rgb + share * to_rgb(air + L), begun.a);
+	if (WANTED(FEATURE_LAYERS) != 0)
 		inscatter[i] = vec4(inscatter[i].rgb + coverage * to_rgb(air), t);
 }

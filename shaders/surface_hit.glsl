@@ -15,10 +15,9 @@ vec2 vertex_uv(int i)
 	return vec2(vertex[VERTEX_FLOATS * i + 6], vertex[VERTEX_FLOATS * i + 7]);
 }
 
-/* By how much the camera's ray along d (world axes) misses triangle `index`: 0 where it meets it, else the sine of an angle. */
-float surface_miss(int index, vec3 d_world)
+/* By how much the camera's ray along d (world axes) misses a triangle: 0 where it meets it, else the sine of an angle. */
+float surface_miss(Triangle tri, vec3 d_world)
 {
-	Triangle tri = triangles[index];
 	vec3 d = to_mesh(d_world), side[3];
 	for (int k = 0; k < 3; k++)
 		side[k] = (tri.corner[k].xyz - surfaces.camera_high.xyz) - surfaces.camera_low.xyz;
@@ -34,11 +33,10 @@ vec2 uv_step(vec3 step, vec3 e1, vec3 e2, vec3 face, float area, vec2 d1, vec2 d
 	return (d1 * dot(cross(step, e2), face) + d2 * dot(cross(e1, step), face)) / area;
 }
 
-/* What a ray along d from a point relative to the camera (world axes) shows of triangle `index`: where they meet or, at the
+/* What a ray along d from a point relative to the camera (world axes) shows of a triangle: where they meet or, at the
  * triangle's rim, the point next to that. angle: across the ray, rad. */
-Surface surface_hit(int index, vec3 from, vec3 d_world, float angle)
+Surface surface_hit(Triangle tri, vec3 from, vec3 d_world, float angle)
 {
-	Triangle tri = triangles[index];
 	ivec3 v = triangle_vertices(tri);
 	vec3 d = to_mesh(d_world), a = tri.corner[0].xyz, e1 = tri.corner[1].xyz - a, e2 = tri.corner[2].xyz - a;
 	vec3 origin = (surfaces.camera_high.xyz - a) + (surfaces.camera_low.xyz + to_mesh(from)), face = cross(e1, e2);

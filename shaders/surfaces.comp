@@ -6,6 +6,10 @@
 #ifndef AERIAL_MARCH
 #define AERIAL_MARCH 0
 #endif
+/* Chosen when the program is built, where the renderer does so. */
+#ifndef SHADING
+#define SHADING surfaces.shading
+#endif
 #include "surface_shading.glsl"
 #include "shadow.glsl"
 #if AERIAL_MARCH
@@ -44,7 +48,7 @@ void light_pixel(int i, vec3 d, Surface s)
 	under_clouds(light, d, s.t, up);
 #endif
 	Material m = materials[s.material];
-	vec4 L = surfaces.shading == SHADING_PHONG ? shade_phong(m, s.albedo, light) : shade_physical(m, s.albedo, light);
+	vec4 L = SHADING == SHADING_PHONG ? shade_phong(m, s.albedo, light) : shade_physical(m, s.albedo, light);
 	vec4 air, T;
 	aerial_perspective(d, s.t, air, T);
 #ifdef CLOUDS
@@ -57,12 +61,11 @@ void light_pixel(int i, vec3 d, Surface s)
 
 void main()
 {
-	int i = int(gl_GlobalInvocationID.x);
+	int i = own_pixel();
 	if (i >= tile.z * tile.w)
 		return;
 	Surface s = surface_unpack(surface[i]);
 	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i];
-	/* a loop, which llvmpipe leaves out where nothing is to be lit, and not a branch, whose cost it pays for all */
-	for (int left = s.coverage > 0.0 && at.w >= 0.0 ? 1 : 0; left > 0; left--)
+	if (s.coverage > 0.0 && at.w >= 0.0)
 		light_pixel(i, at.xyz, s);
 }

@@ -19,7 +19,7 @@ void main()
 		vec3 d = to_mesh(at.xyz), origin = surfaces.camera_high.xyz + surfaces.camera_low.xyz;
 		int hit = bvh_trace(origin, d, t, false);
 		if (hit >= 0 && !ground_hides(at.xyz, t))
-			record = surface_pack(surface_hit(hit, vec3(0.0), at.xyz, sqrt(max(at.w, 1e-8))));
+			record = surface_pack(surface_hit(triangles[hit], vec3(0.0), at.xyz, sqrt(max(at.w, 1e-8))));
 	}
 	surface[i] = record;
 }

@@ -3,35 +3,46 @@
 #include "surface_hit.glsl"
 #include "surface_ground.glsl"
 
-layout(local_size_x = WORKGROUP_X, local_size_y = WORKGROUP_Y) in;
+layout(local_size_x = WORKGROUP_LINE) in; /* of the list GROUPS_DRAWN */
 layout(location = LOCATION_TILE) uniform ivec4 tile;
+layout(location = LOCATION_BOX) uniform ivec4 box; /* of the image, what is drawn */
 layout(binding = UNIT_RASTER) uniform usampler2DMS raster;
 layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
+layout(std430, binding = BIND_GROUPS) readonly buffer Groups { uint groups[]; };
 layout(std430, binding = BIND_SURFACES) writeonly buffer Surfaces { uvec4 surface[]; };
 
 void main()
 {
-	ivec2 at = ivec2(gl_GlobalInvocationID.xy);
-	if (any(greaterThanEqual(at, tile.zw)))
+	int i = int(groups[GROUPS_FIRST + GROUPS_LISTS * gl_WorkGroupID.x + uint(GROUPS_DRAWN)]) * WORKGROUP_LINE +
+		int(gl_LocalInvocationID.x);
+	if (i >= tile.z * tile.w)
 		return;
-	int i = at.y * tile.z + at.x;
-	uvec4 s = uvec4(texelFetch(raster, at, 0).r, texelFetch(raster, at, 1).r, texelFetch(raster, at, 2).r,
-		texelFetch(raster, at, 3).r);
+	ivec2 at = strip_place(i, tile.z);
+	ivec2 drawn = at + tile.xy - box.xy;
+	uvec4 s = uvec4(texelFetch(raster, drawn, 0).r, texelFetch(raster, drawn, 1).r, texelFetch(raster, drawn, 2).r,
+		texelFetch(raster, drawn, 3).r);
 	uvec4 there = uvec4(notEqual(s, uvec4(0u)));
 	uint covered = there.x + there.y + there.z + there.w;
 	surface[i] = uvec4(0u);
 	vec4 d = direction[i];
-	uint chosen = 0u;
+	/* one that comes twice is the likely one: where it is met there is no need to look at others */
+	uint twice = s.x == s.y || s.x == s.z || s.x == s.w ? s.x : s.y == s.z || s.y == s.w ? s.y : s.z == s.w ? s.z : 0u;
+	uint likely = twice != 0u ? twice : max(max(s.x, s.y), max(s.z, s.w));
+	bool one = all(equal(s, uvec4(likely)));
+	Triangle chosen;
 	float least = 1e30;
-	for (int k = 0; k < RASTER_SAMPLES && least > 0.0; k++) {
-		float miss = s[k] != 0u && s[k] != chosen ? surface_miss(int(s[k]) - 1, d.xyz) : 1e30;
-		chosen = miss < least ? s[k] : chosen;
-		least = min(miss, least);
-	}
-	chosen = chosen != 0u ? chosen : max(max(s.x, s.y), max(s.z, s.w));
-	/* a loop, which llvmpipe leaves out where nothing is to be seen, and not a branch, whose cost it pays for all */
-	for (int left = covered > 0u && d.w >= 0.0 ? 1 : 0; left > 0; left--) {
-		Surface hit = surface_hit(int(chosen) - 1, vec3(0.0), d.xyz, sqrt(d.w));
+	int k = -1;
+	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
+		uint candidate = k < 0 ? likely : s[k];
+		Triangle tri = triangles[max(int(candidate) - 1, 0)];
+		float miss = surface_miss(tri, d.xyz);
+		if (k < 0 || (candidate != 0u && miss < least)) {
+			chosen = tri;
+			least = miss;
+		}
+	} while (++k < RASTER_SAMPLES && least > 0.0 && !one);
+	if (covered > 0u && d.w >= 0.0) {
+		Surface hit = surface_hit(chosen, vec3(0.0), d.xyz, sqrt(d.w));
 		hit.coverage = float(covered) / float(RASTER_SAMPLES);
 		if (!ground_hides(d.xyz, hit.t))
 			surface[i] = surface_pack(hit);

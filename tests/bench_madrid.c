@@ -79,7 +79,8 @@ static void use(struct welkin_request *r, const struct approach *a)
 	r->scene.shaft_steps = a->shaft_steps;
 }
 
-/* Passes that run for every frame: tables, the shadow map and what a mesh gets once are kept. */
+/* Passes that run for every frame of a camera that stays: tables, the shadow map, the drawing and what a mesh gets once
+ * are kept. */
 static double frame_ms(const struct welkin_result *result, const char *only)
 {
 	double ms = 0;

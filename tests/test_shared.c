@@ -111,8 +111,10 @@ static void every_shader_compiles(void **state)
 	for (int i = 0; i < 2; i++)
 		assert_true(lib_gpu_program(drawn[i], "")->id > 0);
 	static const char *const others[][2] = { { "surfaces.comp", "AERIAL_MARCH=1" },
-		{ "shafts.comp", "EPIPOLAR=1 SCALED=0" }, { "shafts.comp", "EPIPOLAR=0 SCALED=1" },
-		{ "tables/shafts.comp", "SCALED=0" }, { "methods/reference.comp", "SCENE=1" } };
+		{ "surfaces_list.comp", "DRAWN=1" }, { "surfaces.comp", "SHADING=1 SHADOW_FILTER=3 PLAIN=1" },
+		{ "shafts.comp", "EPIPOLAR=1 SCALED=0" }, { "shafts.comp", "EPIPOLAR=1 BEHIND=1" },
+		{ "shafts.comp", "EPIPOLAR=0 SCALED=1" }, { "tables/shafts.comp", "SCALED=0" },
+		{ "methods/reference.comp", "SCENE=1" } };
 	for (size_t i = 0; i < sizeof others / sizeof others[0]; i++)
 		assert_true(lib_gpu_program(others[i][0], others[i][1])->id > 0);
 	assert_true(n >= 8);

@@ -632,6 +632,44 @@ static void the_plan_leaves_out_what_cannot_matter(void **state)
 }
 
 /* Strips change no byte. */
+static double differing(const struct picture *a, const struct picture *b)
+{
+	size_t n = 0;
+	for (size_t i = 0; i < a->n; i++)
+		n += memcmp(a->rgba[i], b->rgba[i], sizeof a->rgba[i]) != 0;
+	return (double)n / (double)a->n;
+}
+
+/* What was drawn for the frame before is kept for the next, as long as it is of that view. */
+static void a_kept_drawing_is_of_the_same_view(void **state)
+{
+	(void)state;
+	const struct welkin_request r = view("sky_view", -3500, 900, 300, 90, 15);
+	struct picture first = render(&r, mountain_key);
+	for (int change = 0; change < 4; change++) {
+		struct welkin_request other = r;
+		other.camera.position_m[2] += change == 0 ? 5 : 0;
+		other.camera.fov_deg += change == 1 ? 1 : 0;
+		other.camera.roll_deg += change == 2 ? 1 : 0;
+		other.image.height -= change == 3 ? 2 : 0;
+		struct picture between = render(&other, mountain_key), again = render(&r, mountain_key);
+		if (change < 3)
+			assert_true(differing(&between, &first) > 0.1);
+		else
+			assert_true(memcmp(between.depth, first.depth, between.n * sizeof(float)) != 0);
+		assert_memory_equal(again.pixels, first.pixels, first.n * 16);
+		free(between.pixels);
+		free(again.pixels);
+	}
+	struct welkin_request evening = r;
+	evening.sun.azimuth_deg += 90;
+	struct picture lit = render(&evening, mountain_key);
+	assert_true(differing(&lit, &first) > 0.1);
+	assert_memory_equal(lit.depth, first.depth, first.n * sizeof(float));
+	free(lit.pixels);
+	free(first.pixels);
+}
+
 static void strips_change_nothing(void **state)
 {
 	(void)state;
@@ -658,6 +696,7 @@ int main(void)
 		cmocka_unit_test(awkward_views),
 		cmocka_unit_test(awkward_meshes),
 		cmocka_unit_test(the_plan_leaves_out_what_cannot_matter),
+		cmocka_unit_test(a_kept_drawing_is_of_the_same_view),
 		cmocka_unit_test(strips_change_nothing),
 	};
 	return cmocka_run_group_tests_name("surfaces", tests, start, stop);
