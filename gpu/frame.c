@@ -94,7 +94,7 @@ static void note_painted(struct frame *f)
 		{ PAINTED_DETAIL, "table-cloud_detail", "noise_detail of the scene" } };
 	for (size_t i = 0; i < sizeof parts / sizeof parts[0]; i++)
 		if (f->scene.clouds.painted_parts & parts[i].part && f->plan.features & FEATURE_CLOUDS)
-			planner_note(&f->plan, parts[i].table, false, parts[i].why);
+			planner_note(&f->plan, parts[i].table, false, "%s", parts[i].why);
 }
 
 static void prepare(struct frame *f)
