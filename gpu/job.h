@@ -11,7 +11,7 @@
  * passes along with the job (SCM_RIGHTS). The renderer maps it, writes it and closes it.
  */
 
-enum { WELKIN_MAX_PASSES = 24, WELKIN_MAX_DIRECTIONS = 16384, WELKIN_MAX_WAVELENGTHS = 64 };
+enum { WELKIN_MAX_PASSES = 40, WELKIN_MAX_DIRECTIONS = 16384, WELKIN_MAX_WAVELENGTHS = 64 };
 
 enum welkin_job_kind { WELKIN_JOB_IMAGE, WELKIN_JOB_RADIANCE, WELKIN_JOB_NOISE };
 

@@ -307,7 +307,7 @@ static struct MHD_Response *response_of_parts(struct call *call, struct product 
 static void product_headers(struct call *call, const struct product *p, bool hit, struct MHD_Response *response)
 {
 	const double total = total_ms(call);
-	char timing[2048], plan[3072];
+	char timing[2048], plan[5120];
 	if (hit || call->ticket.joined)
 		timing_shared(hit ? "cache;desc=\"hit\"" : "joined", total, timing, sizeof timing);
 	else
