@@ -109,6 +109,15 @@ vec2 cloud_region_shift(float region)
 	return fract(region * vec2(0.7548776662, 0.5698402910));
 }
 
+/* Of the places that have the same map, shifted as it mostly is below the camera, the one nearest to it. */
+vec2 cloud_same_weather(vec2 level)
+{
+	float side = 1.0 / clouds.weather.w;
+	vec2 shift = cloud_region_shift(floor(cloud_region(level) + 0.5)) - cloud_region_shift(floor(cloud_region(vec2(0.0)) + 0.5));
+	vec2 at = level + side * shift;
+	return at - side * round(at / side);
+}
+
 vec4 cloud_weather(vec2 level)
 {
 	vec2 at = level * clouds.weather.w + clouds.weather.xy;

@@ -71,15 +71,11 @@ int cloud_grid_level(vec3 q, int least)
 	return min(level, CLOUD_GRID_LEVELS - 1);
 }
 
-/* A point as the grids know it: beyond them, one of the same weather within, since the weather map repeats and the coarsest level
- * holds all of it, shifted as it mostly is below the camera. */
+/* A point as the grids know it: beyond them, one of the same weather within, since the coarsest level holds a whole weather map. */
 vec3 cloud_grid_home(vec3 q)
 {
-	float period = 1.0 / clouds.weather.w;
-	vec2 shift = cloud_region_shift(floor(cloud_region(q.xz) + 0.5)) - cloud_region_shift(floor(cloud_region(vec2(0.0)) + 0.5));
-	vec2 home = q.xz + period * shift;
 	bool outside = cloud_grid_reach(q, CLOUD_GRID_LEVELS - 1) > 1.0;
-	return outside ? vec3(home - period * round(home / period), q.y).xzy : q;
+	return outside ? vec3(cloud_same_weather(q.xz), q.y).xzy : q;
 }
 
 /* 1 within the layer's height, 0 outside. */

@@ -8,6 +8,13 @@ vec3 cloud_direction(vec3 d, vec3 up, vec3 q)
 	return vec3(dot(d, clouds.east.xyz), dot(d, up), dot(d, clouds.south.xyz));
 }
 
+/* There is no weather, but the grids hold one period of it. */
+vec2 cloud_same_weather(vec2 level)
+{
+	float side = 1.0 / clouds.weather.w;
+	return level - side * round(level / side);
+}
+
 /* clouds.base: least corner of the field in m, and the distance of its nodes; clouds.curl.x: 1 where it goes on beyond its sides. */
 float cloud_extinction(vec3 q, int detail)
 {
