@@ -34,6 +34,17 @@ static int output_format(const struct welkin_image *image)
 }
 
 /* From metering, or at once, to the image itself. */
+/* Which kernel lights a pixel may not depend on how large strips happen to be: rows that the disk may touch are not in
+ * one with others. */
+static void keep_disk_apart(struct frame *f)
+{
+	const int *box = f->sun_box, end = box[1] + box[3] + WORKGROUP_Y - 1, height = f->strips.height;
+	if (box[2] <= 0 || box[3] <= 0)
+		return;
+	f->strips.from = box[1] / WORKGROUP_Y * WORKGROUP_Y;
+	f->strips.to = end / WORKGROUP_Y * WORKGROUP_Y < height ? end / WORKGROUP_Y * WORKGROUP_Y : height;
+}
+
 static void begin_strips(struct workspace *ws, struct frame *f, double scale)
 {
 	const struct welkin_image *image = &f->job.request.image;
@@ -46,8 +57,10 @@ static void begin_strips(struct workspace *ws, struct frame *f, double scale)
 	f->result.exposure_scale = (double)frame->exposure_scale;
 	f->strips = (struct strips){ .width = image->width, .height = image->height };
 	f->stage = FRAME_STRIPS;
-	if (f->plan.features & FEATURE_SUN_DISK)
+	if (f->plan.features & FEATURE_SUN_DISK) {
 		view_sun_box(frame, f->sun_box);
+		keep_disk_apart(f);
+	}
 	if (ws->bound == f)
 		passes_blocks(ws->passes, &f->scene);
 }
@@ -112,11 +125,11 @@ static bool disk_box(const struct frame *f, const int tile[4], int box[4])
 	return true;
 }
 
-/* Neither metering nor strips beside the disk need more than light and alpha. */
+/* Neither metering nor strips above and below the disk need more than light and alpha. */
 static bool plain_enough(const struct frame *f, const int tile[4])
 {
-	int box[4];
-	return !(f->scene.frame.features & FEATURE_LAYERS) && (f->stage == FRAME_METER || !disk_box(f, tile, box));
+	const bool disk = tile[1] >= f->strips.from && tile[1] < f->strips.to;
+	return !(f->scene.frame.features & FEATURE_LAYERS) && (f->stage == FRAME_METER || !disk);
 }
 
 bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4], unsigned radiance,

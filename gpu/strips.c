@@ -17,11 +17,18 @@ bool strips_done(const struct strips *strips)
 	return strips->y >= strips->height;
 }
 
+/* Rows from the band's first on to where another one has to begin. */
+static int rows_left(const struct strips *strips)
+{
+	if (strips->y < strips->from && strips->from < strips->to)
+		return strips->from - strips->y;
+	return (strips->y < strips->to ? strips->to : strips->height) - strips->y;
+}
+
 void strips_next(struct strips *strips, int max_pixels, int tile[4])
 {
 	if (strips->rows == 0)
-		strips->rows =
-			at_most(whole_groups(max_pixels / strips->width, WORKGROUP_Y), strips->height - strips->y);
+		strips->rows = at_most(whole_groups(max_pixels / strips->width, WORKGROUP_Y), rows_left(strips));
 	int columns = strips->width - strips->x;
 	if ((double)columns * strips->rows > max_pixels)
 		columns = at_most(whole_groups(max_pixels / strips->rows, WORKGROUP_X), columns);

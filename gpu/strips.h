@@ -9,6 +9,7 @@ struct strips {
 	int width, height;
 	int x, y; /* the first pixel not handed out */
 	int rows; /* of the band in hand; 0: none begun */
+	int from, to; /* rows at which a strip begins: those between are not in one with others; the same: no matter */
 };
 
 bool strips_done(const struct strips *strips);

@@ -85,15 +85,17 @@ static void strips_change_nothing(void **state)
 	const struct welkin_renderer_config huge = { .device = "software", .slice_ms = 1000, .table_budget_mib = 64 };
 	struct lib_renderer by[2];
 	assert_true(lib_render_start(&by[0], &tiny) && lib_render_start(&by[1], &huge));
-	for (int i = 0; i < 6; i++) {
+	for (int i = 0; i < 8; i++) {
 		static const int sizes[][2] = { { 333, 77 }, { 16384, 5 }, { 3, 400 } };
-		struct welkin_request r = request("gradient", sizes[i % 3][0], sizes[i % 3][1]);
+		/* sky_view has two kernels, for pixels that the sun's disk may touch and for others */
+		struct welkin_request r = request(i < 6 ? "gradient" : "sky_view", sizes[i % 3][0], sizes[i % 3][1]);
 		void *pixels[2], *again;
 		r.exposure_mode = WELKIN_EXPOSURE_AUTO;
 		if (i >= 3) {
 			r.image.format = WELKIN_EXR;
-			r.image.exr_type = i & 1 ? WELKIN_HALF : WELKIN_FLOAT;
-			r.image.layers = WELKIN_LAYER_DEPTH | WELKIN_LAYER_TRANSMITTANCE | WELKIN_LAYER_INSCATTER;
+			r.image.exr_type = i == 3 || i == 5 ? WELKIN_HALF : WELKIN_FLOAT;
+			r.image.layers =
+				i < 6 ? WELKIN_LAYER_DEPTH | WELKIN_LAYER_TRANSMITTANCE | WELKIN_LAYER_INSCATTER : 0;
 		}
 		for (int k = 0; k < 2; k++)
 			a_picture(&by[k], &r, &pixels[k]);
