@@ -7,8 +7,8 @@
  * a band of rows otherwise. Sizes are multiples of the kernels' workgroup except at the edges. */
 struct strips {
 	int width, height;
-	int x, y; /* the first pixel not handed out */
-	int rows; /* of the band in hand; 0: none begun */
+	int x, y;     /* the first pixel not handed out */
+	int rows;     /* of the band in hand; 0: none begun */
 	int from, to; /* rows at which a strip begins: those between are not in one with others; the same: no matter */
 };
 
