@@ -225,9 +225,8 @@ static const struct welkin_field built_in[] = {
 		"the upper edge north. A coverage of 0 leaves the layer out all the same.",
 		weather_maps, AT(clouds.weather_map) },
 	{ "clouds.weather.scale_m", WELKIN_TYPE_DOUBLE, "m", 1e3, 1e6, "",
-		"Side of the weather map: where there are clouds, of what type, how dense. A painted one repeats; a "
-		"procedural one "
-		"is shifted from region to region.",
+		"Side of the weather map: where there are clouds, of what type, how dense. A painted one repeats, a "
+		"procedural one is shifted from region to region.",
 		NULL, AT(clouds.weather_scale_m) },
 	{ "clouds.wind.speed_m_s", WELKIN_TYPE_DOUBLE, "m/s", 0, 200, "8", "Speed at which clouds move.", NULL,
 		AT(clouds.wind_speed_m_s) },

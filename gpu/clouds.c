@@ -64,16 +64,13 @@ static void set_axes(struct CloudsBlock *block, const struct FrameBlock *frame)
 	}
 }
 
-/* Phases of the waves of cloud_region() (cloud_density.glsl, which has the same three) at a place: in double, since a
- * float would lose them far from the origin. */
+/* Phases of the waves of cloud_region() at a place, in double as above. */
 static void set_regions(struct CloudsBlock *block, const double at_m[2], double side_m)
 {
-	static const double waves[3][2] = { { 0.208, 0.083 }, { -0.097, 0.154 }, { 0.037, -0.126 } };
-	static const double phases[3] = { 0.1, 0.62, 0.48854 }; /* the waves cancel at the origin */
-	for (int i = 0; i < 3; i++) {
-		const double x = phases[i] + (waves[i][0] * at_m[0] + waves[i][1] * at_m[1]) / side_m;
-		block->regions[i] = (float)(x - floor(x));
-	}
+	static const double waves[3][2] = { { CLOUD_WAVE_A }, { CLOUD_WAVE_B }, { CLOUD_WAVE_C } };
+	static const double phases[3] = { 0.1, 0.62, 0.48854 }; /* they cancel at the origin */
+	for (int i = 0; i < 3; i++)
+		block->regions[i] = wrapped(phases[i] + (waves[i][0] * at_m[0] + waves[i][1] * at_m[1]) / side_m, 1);
 	block->regions[3] = 3.2f; /* five regions or so */
 }
 

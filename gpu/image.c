@@ -57,10 +57,9 @@ static void begin_strips(struct workspace *ws, struct frame *f, double scale)
 	f->result.exposure_scale = (double)frame->exposure_scale;
 	f->strips = (struct strips){ .width = image->width, .height = image->height };
 	f->stage = FRAME_STRIPS;
-	if (f->plan.features & FEATURE_SUN_DISK) {
+	if (f->plan.features & FEATURE_SUN_DISK)
 		view_sun_box(frame, f->sun_box);
-		keep_disk_apart(f);
-	}
+	keep_disk_apart(f);
 	if (ws->bound == f)
 		passes_blocks(ws->passes, &f->scene);
 }

@@ -4,11 +4,6 @@
 #include <stdio.h>
 #include <string.h>
 
-void frames_first(const struct welkin_sequence *sequence, struct welkin_draft *draft)
-{
-	welkin_sequence_draft(sequence, 0, draft);
-}
-
 bool frames_request(const struct welkin_sequence *sequence, int frame, enum welkin_format format,
 	const struct frames_limits *limits, const struct scene_mesh *mesh, struct welkin_request *request,
 	struct welkin_faults *faults)
@@ -16,7 +11,7 @@ bool frames_request(const struct welkin_sequence *sequence, int frame, enum welk
 	struct welkin_draft draft, first;
 	struct welkin_faults own = { 0 };
 	welkin_sequence_draft(sequence, frame, &draft);
-	frames_first(sequence, &first);
+	welkin_sequence_draft(sequence, 0, &first);
 	/* a scene is read while the call waits, which frames further on do not do */
 	if (strcmp(draft.request.scene.name, first.request.scene.name) != 0)
 		welkin_fault_add(&own, 422, "scene.name", "that of the first frame", "a sequence has one scene");

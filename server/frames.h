@@ -7,7 +7,7 @@ struct scene_mesh;
 
 /*
  * The frames of a sequence as requests: what both the HTTP side and `welkin render` do with one. All have the scene of
- * the first, which frames_first() is asked for; mesh is that scene's, NULL without one.
+ * the first; mesh is that scene's, NULL without one.
  */
 
 struct frames_limits {
@@ -15,8 +15,6 @@ struct frames_limits {
 	double pixels; /* of all frames together */
 };
 
-/* Of the first frame, which names the scene. */
-void frames_first(const struct welkin_sequence *sequence, struct welkin_draft *draft);
 /* Whether every frame can be rendered; faults of the first ones that can't otherwise. */
 bool frames_check(const struct welkin_sequence *sequence, enum welkin_format format, const struct frames_limits *limits,
 	const struct scene_mesh *mesh, struct welkin_faults *faults);

@@ -385,7 +385,7 @@ static struct welkin_sequence *read_sequence(const struct command *command, cons
 		parse_fields(command, welkin_sequence_base(s), &faults);
 	const enum welkin_format format = command->output == OUTPUT_EXR ? WELKIN_EXR : WELKIN_PNG;
 	if (s)
-		frames_first(s, &draft);
+		welkin_sequence_draft(s, 0, &draft);
 	const bool found = read_scene(command, &draft, mesh, &faults, &err);
 	if (found && s && !faults.n && frames_check(s, format, limits, *mesh, &faults) &&
 		frames_request(s, 0, format, limits, *mesh, first, &faults))

@@ -202,7 +202,7 @@ static enum MHD_Result answer_sequences(struct call *call)
 	struct welkin_draft first = { 0 };
 	enum MHD_Result result;
 	if (frames)
-		frames_first(frames, &first);
+		welkin_sequence_draft(frames, 0, &first);
 	if (!find_scene(call, &first, &faults, &result)) {
 		welkin_sequence_free(frames);
 		return result;

@@ -96,8 +96,8 @@ float cloud_profile(float height, float type)
  */
 float cloud_region(vec2 level)
 {
-	/* periods of 4 to 8 sides of the map; parabolas, since sines take longer and are no rounder to the eye */
-	const vec2 A = vec2(0.208, 0.083), B = vec2(-0.097, 0.154), C = vec2(0.037, -0.126);
+	/* parabolas, since sines take longer and are no rounder to the eye */
+	const vec2 A = vec2(CLOUD_WAVE_A), B = vec2(CLOUD_WAVE_B), C = vec2(CLOUD_WAVE_C);
 	vec2 at = level * clouds.weather.w;
 	vec3 x = 2.0 * fract(vec3(dot(at, A), dot(at, B), dot(at, C)) + clouds.regions.xyz) - 1.0;
 	return clouds.regions.w * dot(x * (1.0 - abs(x)), vec3(1.0));

@@ -120,9 +120,9 @@ void main()
 	ShaftRay ray = shaft_ray(at.xyz);
 	vec2 ends = ray_ends(i, ray);
 	/* air is what would be lost without clouds, which let a part of it through and have air of their own before them */
-	vec4 air = share * lost_up_to(at.xyz, ray, ends.x), lost = air;
+	vec4 whole = lost_up_to(at.xyz, ray, ends.x), air = share * whole, lost = air;
 #ifdef CLOUDS
-	lost += hidden_share(i, share) * (lost_up_to(at.xyz, ray, ends.y) - air / share);
+	lost += hidden_share(i, share) * (lost_up_to(at.xyz, ray, ends.y) - whole);
 #endif
 	if (WANTED(FEATURE_SPECTRAL) != 0) {
 		radiance[i] = max(radiance[i] - lost, 0.0);

@@ -197,6 +197,11 @@ typedef unsigned int uint;
 #define SHAPE_WORLEY 6
 #define SHAPE_UNIFORM 7
 
+/* Waves of cloud_region() (cloud_density.glsl), east and south, in periods per side of the weather map: none fits another. */
+#define CLOUD_WAVE_A 0.208, 0.083
+#define CLOUD_WAVE_B -0.097, 0.154
+#define CLOUD_WAVE_C 0.037, -0.126
+
 /* CloudsBlock.painted_parts: what clouds have from a scene's files. */
 #define PAINTED_WEATHER 1
 #define PAINTED_BASE 2

@@ -7,6 +7,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <png.h>
 #include <poll.h>
 #include <setjmp.h>
 #include <signal.h>
@@ -307,6 +308,43 @@ struct http_reply fetch(const char *base, const char *path, int status)
 	if (r.status != status)
 		fail_msg("%s: status %ld, not %d: %s%.400s", path, r.status, status, r.error, r.body);
 	return r;
+}
+
+struct http_reply fetch_soon(const char *base, const char *path)
+{
+	struct http_reply r = get(base, path);
+	for (int i = 0; i < 80 && r.status != 200; i++) {
+		reply_finish(&r);
+		sleep_ms(100);
+		r = get(base, path);
+	}
+	if (r.status != 200)
+		fail_msg("%s: status %ld: %s%.400s", path, r.status, r.error, r.body);
+	return r;
+}
+
+double pictures_differ(const char *base, const char *a, const char *b)
+{
+	const char *paths[2] = { a, b };
+	unsigned char *rgb[2];
+	size_t sizes[2], differ = 0;
+	for (int k = 0; k < 2; k++) {
+		struct http_reply r = fetch_soon(base, paths[k]);
+		png_image image = { .version = PNG_IMAGE_VERSION };
+		assert_true(png_image_begin_read_from_memory(&image, r.body, r.size));
+		image.format = PNG_FORMAT_RGB;
+		sizes[k] = PNG_IMAGE_SIZE(image);
+		rgb[k] = malloc(sizes[k]);
+		assert_non_null(rgb[k]);
+		assert_true(png_image_finish_read(&image, NULL, rgb[k], 0, NULL));
+		reply_finish(&r);
+	}
+	assert_int_equal(sizes[0], sizes[1]);
+	for (size_t i = 0; i < sizes[0]; i++)
+		differ += abs(rgb[0][i] - rgb[1][i]) > 2;
+	free(rgb[0]);
+	free(rgb[1]);
+	return (double)differ / (double)sizes[0];
 }
 
 void reply_finish(struct http_reply *reply)

@@ -46,6 +46,11 @@ struct http_reply ask(
 struct http_reply get(const char *base, const char *path);
 struct http_reply fetch(const char *base, const char *path, int status); /* any other status fails the test */
 void reply_finish(struct http_reply *reply);
+/* The same with status 200, which may come only after some seconds: folders of scenes are looked at every two. */
+struct http_reply fetch_soon(const char *base, const char *path);
+/* Share of the values of two PNG images that differ by more than a step or two of dither; each fetched by fetch_soon().
+ */
+double pictures_differ(const char *base, const char *a, const char *b);
 /* Value of the first such header in a static buffer (of this thread), or NULL. */
 const char *header_of(const struct http_reply *reply, const char *name);
 

@@ -106,43 +106,9 @@ static int stop(void **state)
 	return 0;
 }
 
-/* Folders are looked at every two seconds. */
-static struct http_reply await(const char *path)
-{
-	struct http_reply r = { 0 };
-	for (int i = 0; i < 80 && r.status != 200; i++) {
-		reply_finish(&r);
-		r = get(server->url, path);
-		if (r.status != 200)
-			sleep_ms(100);
-	}
-	if (r.status != 200)
-		fail_msg("%s: status %ld: %s%s", path, r.status, r.error, r.body);
-	return r;
-}
-
-/* Share of values that differ by more than a step or two of dither. */
 static double differing(const char *a, const char *b)
 {
-	unsigned char *rgb[2];
-	const char *paths[2] = { a, b };
-	size_t n = 0, differ = 0;
-	for (int k = 0; k < 2; k++) {
-		struct http_reply r = await(paths[k]);
-		png_image image = { .version = PNG_IMAGE_VERSION };
-		assert_true(png_image_begin_read_from_memory(&image, r.body, r.size));
-		image.format = PNG_FORMAT_RGB;
-		n = PNG_IMAGE_SIZE(image);
-		rgb[k] = malloc(n);
-		assert_non_null(rgb[k]);
-		assert_true(png_image_finish_read(&image, NULL, rgb[k], 0, NULL));
-		reply_finish(&r);
-	}
-	for (size_t i = 0; i < n; i++)
-		differ += abs(rgb[0][i] - rgb[1][i]) > 2;
-	free(rgb[0]);
-	free(rgb[1]);
-	return (double)differ / (double)n;
+	return pictures_differ(server->url, a, b);
 }
 
 /* What /v1/noise shows, put into a folder, gives the same clouds. */
