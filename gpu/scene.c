@@ -18,7 +18,7 @@ static const double dobson_per_m2 = 2.687e20;
 enum { TABLE_STEPS = 96 };
 
 /* Zenith angles above and below the horizon from which the multiple-scattering table gathers. */
-enum { AROUND_STEPS = 12 };
+enum { AROUND_STEPS = 12, AROUND_COARSE_STEPS = 6 };
 
 /* Nodes between two distances of the aerial-perspective table. */
 enum { SLICE_STEPS = 3 };
@@ -184,6 +184,7 @@ static void set_media(struct scene *scene, const struct welkin_atmosphere *air)
 		add_rule(scene, RULE_TABLE + pieces - 1, TABLE_STEPS / pieces);
 	}
 	add_rule(scene, RULE_AROUND, AROUND_STEPS);
+	add_rule(scene, RULE_AROUND_COARSE, AROUND_COARSE_STEPS);
 	add_rule(scene, RULE_SLICE, SLICE_STEPS);
 	double moments[2], peak;
 	delta_scale(air, moments, &peak);

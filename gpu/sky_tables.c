@@ -48,14 +48,14 @@ static struct coefficient_key coefficient_key(const struct scene *scene, int bat
 
 enum table_state need_multiple(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)
 {
-	enum { SUNS = 64, ALTITUDES = 32, LAYERS = 7 };
+	enum { SUNS = 64, ALTITUDES = 32, LAYERS = 2 * 7 };
 	static const struct table_desc multiple = {
 		.name = "multiple",
 		.width = SUNS,
 		.height = ALTITUDES * LAYERS,
 		.internal_format = GL_RGBA32F,
 		.unit = UNIT_MULTIPLE,
-		.iterations = 8,
+		.iterations = MULTIPLE_RUNS,
 		.feedback = 1,
 		.threads = { SUNS, ALTITUDES, 1 },
 	};

@@ -9,7 +9,8 @@
  * In the local frame z is up, x is horizontal towards the sun; the field is symmetric in y.
  *
  * Layers of an atlas, one above the other: log2(M0), Mxx/M0, Mzz/M0, Mxz/M0, Vx/M0, Vz/M0 and the
- * irradiance on level ground E/M0, with M0 = ∫L dω, M = ∫L ωω, V = ∫L ω, per sun irradiance of 1.
+ * irradiance on level ground E/M0, with M0 = ∫L dω, M = ∫L ωω, V = ∫L ω, per sun irradiance of 1. Above them
+ * lie as many layers again of the order of scattering that was last added, for the kernel that makes the table.
  */
 #include "column.glsl"
 #include "sun_column.glsl"
@@ -17,6 +18,9 @@
 layout(binding = UNIT_MULTIPLE) uniform sampler2D multiple_texture;
 
 const int MULTIPLE_LAYERS = 7;
+#ifndef MULTIPLE_FIRST /* layer of those that are read */
+#define MULTIPLE_FIRST 0
+#endif
 const float MULTIPLE_FLOOR = 1e-30;
 
 /* ---- columns ---- */
@@ -62,8 +66,8 @@ struct Moments {
 vec4 multiple_layer(vec2 uv, int layer)
 {
 	vec2 size = vec2(textureSize(multiple_texture, 0));
-	float rows = size.y / float(MULTIPLE_LAYERS);
-	vec2 at = vec2(uv.x * (size.x - 1.0), uv.y * (rows - 1.0) + float(layer) * rows) + 0.5;
+	float rows = size.y / float(2 * MULTIPLE_LAYERS);
+	vec2 at = vec2(uv.x * (size.x - 1.0), uv.y * (rows - 1.0) + float(MULTIPLE_FIRST + layer) * rows) + 0.5;
 	return textureLod(multiple_texture, at / size, 0.0);
 }
 

@@ -120,6 +120,10 @@ typedef unsigned int uint;
 #define PRECOMPUTED_AZIMUTHS 12
 #define PRECOMPUTED_ALTITUDES 20
 
+/* Runs that make the multiple-scattering table, an order each, and which of them is the first with coarse rules. */
+#define MULTIPLE_RUNS 6
+#define MULTIPLE_COARSE_RUN 2
+
 /* Samples of the aerial-perspective table: azimuth from the sun, angle from the horizon (above and below), distance. */
 #define AERIAL_AZIMUTHS 32
 #define AERIAL_VIEWS 64
@@ -133,8 +137,9 @@ typedef unsigned int uint;
 #define RULE_LIGHT 4
 #define RULE_TABLE 6
 #define RULE_AROUND 8 /* directions above and below the horizon, multiple-scattering table */
-#define RULE_SLICE 9  /* between two distances of the aerial-perspective table */
-#define RULE_COUNT 10
+#define RULE_AROUND_COARSE 9 /* the same, fewer */
+#define RULE_SLICE 10 /* between two distances of the aerial-perspective table */
+#define RULE_COUNT 11
 
 /* Plain uniforms */
 #define LOCATION_TILE 0  /* ivec4: x, y, width, height of the strip in the image; a radiance job: first direction, 0, count, 1 */

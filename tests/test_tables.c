@@ -179,10 +179,10 @@ static void frames_dont_starve_each_other(void **state)
 	static const struct table_desc slow = {
 		.name = "multiple",
 		.width = 64,
-		.height = 32 * 7,
+		.height = 32 * 2 * 7,
 		.internal_format = GL_RGBA32F,
 		.unit = UNIT_MULTIPLE,
-		.iterations = 8,
+		.iterations = MULTIPLE_RUNS,
 		.feedback = 1,
 		.threads = { 64, 32, 1 },
 	};
