@@ -23,6 +23,10 @@ enum { AROUND_STEPS = 12, AROUND_COARSE_STEPS = 6 };
 /* Nodes between two distances of the aerial-perspective table. */
 enum { SLICE_STEPS = 3 };
 
+/* Angles from 0 to 180 degrees at which lobes of the aerosol's phase function are kept, the degree of their series, and of
+ * the one that the multiple-scattering table takes in: what its azimuths resolve. */
+enum { LOBE_SAMPLES = 256, LOBE_DEGREES = 48, LOBE_TABLE_DEGREE = 8 };
+
 /* Steps that a piece of a ray gets at least, if that many were asked for. */
 enum { PIECE_STEPS = 4 };
 
@@ -139,28 +143,64 @@ static double phase_aerosol(const struct welkin_atmosphere *air, double nu)
 	return air->aerosol_phase == WELKIN_HENYEY_GREENSTEIN ? hg : hg * 1.5 * (1 + nu * nu) / (2 + g * g);
 }
 
-/* Delta-M (after Wiscombe 1977) of that phase function for two moments and a peak. What it scatters by less than
+/* Legendre polynomials 0 to n at x. */
+static void legendre(double x, double *P, int n)
+{
+	P[0] = 1;
+	P[1] = x;
+	for (int l = 2; l <= n; l++)
+		P[l] = ((2 * l - 1) * x * P[l - 1] - (l - 1) * P[l - 2]) / l;
+}
+
+/* Delta-M (after Wiscombe 1977) of that phase function for LOBE_DEGREES moments and a peak. What it scatters by less than
  * PEAK_DEG counts as not scattered at all; that share f leaves (chi - f) / (1 - f) of each Legendre moment.
  * Wiscombe's own f, the third moment, is 0.51 at g = 0.8 and takes for unscattered what long paths at low suns
  * lose: the sky of preset earth is then up to 15 % too bright at the horizon at sunset, and 5 % with this. Midpoint
  * rule in u with 1 - nu = 2 u^4, which resolves peaks of g = 0.999. */
-static void delta_scale(const struct welkin_atmosphere *air, double moments[2], double *f)
+static void delta_scale(const struct welkin_atmosphere *air, double moments[LOBE_DEGREES + 1], double *f)
 {
 	enum { N = 512 };
 	const double sign = air->aerosol_g < 0 ? -1 : 1; /* samples are dense where the peak is */
 	const double edge = cos(radians(PEAK_DEG));
-	double all = 0, peak = 0, chi1 = 0, chi2 = 0;
+	double all = 0, peak = 0, P[LOBE_DEGREES + 1];
+	memset(moments, 0, (LOBE_DEGREES + 1) * sizeof *moments);
 	for (int i = 0; i < N; i++) {
 		const double u = (i + 0.5) / N, nu = sign * (1 - 2 * pow(u, 4));
 		const double weight = phase_aerosol(air, nu) * pow(u, 3);
 		all += weight;
 		peak += nu > edge ? weight : 0;
-		chi1 += weight * nu;
-		chi2 += weight * (1.5 * nu * nu - 0.5);
+		legendre(nu, P, LOBE_DEGREES);
+		for (int l = 0; l <= LOBE_DEGREES; l++)
+			moments[l] += nu > edge ? 0 : weight * P[l];
 	}
 	*f = fmin(peak / all, 0.9999);
-	moments[0] = (chi1 / all - *f) / (1 - *f);
-	moments[1] = (chi2 / all - *f) / (1 - *f);
+	for (int l = 0; l <= LOBE_DEGREES; l++)
+		moments[l] /= all * (1 - *f);
+}
+
+/* RULE_LOBES: the scaled phase function as the multiple-scattering table takes it in, and what it becomes by scattering
+ * on, two to four times in all, beyond the degrees that the table keeps: a series of Legendre polynomials whose
+ * moments are powers of its own. */
+static void add_lobes(struct scene *scene, const double moments[LOBE_DEGREES + 1])
+{
+	float(*node)[2] = scene->nodes + scene->n_nodes;
+	for (int i = 0; i < LOBE_SAMPLES; i++) {
+		double P[LOBE_DEGREES + 1], once = 0, again[3] = { 0 };
+		legendre(cos(M_PI * i / (LOBE_SAMPLES - 1)), P, LOBE_DEGREES);
+		for (int l = 0; l <= LOBE_DEGREES; l++) {
+			double term = (2 * l + 1) / (4 * M_PI) * P[l] * moments[l];
+			once += l <= LOBE_TABLE_DEGREE ? term : 0;
+			for (int n = 0; n < 3 && l > 2; n++)
+				again[n] += term *= moments[l];
+		}
+		node[i][0] = (float)once;
+		node[i][1] = (float)again[0];
+		node[LOBE_SAMPLES + i][0] = (float)again[1];
+		node[LOBE_SAMPLES + i][1] = (float)again[2];
+	}
+	scene->media.rule[RULE_LOBES][0] = scene->n_nodes;
+	scene->media.rule[RULE_LOBES][1] = LOBE_SAMPLES;
+	scene->n_nodes += 2 * LOBE_SAMPLES;
 }
 
 static void set_media(struct scene *scene, const struct welkin_atmosphere *air)
@@ -186,10 +226,11 @@ static void set_media(struct scene *scene, const struct welkin_atmosphere *air)
 	add_rule(scene, RULE_AROUND, AROUND_STEPS);
 	add_rule(scene, RULE_AROUND_COARSE, AROUND_COARSE_STEPS);
 	add_rule(scene, RULE_SLICE, SLICE_STEPS);
-	double moments[2], peak;
+	double moments[LOBE_DEGREES + 1], peak;
 	delta_scale(air, moments, &peak);
-	media->aerosol_moments[0] = (float)moments[0];
-	media->aerosol_moments[1] = (float)moments[1];
+	add_lobes(scene, moments);
+	media->aerosol_moments[0] = (float)moments[1];
+	media->aerosol_moments[1] = (float)moments[2];
 	media->aerosol_moments[2] = (float)(1 - peak);
 }
 

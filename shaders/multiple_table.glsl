@@ -5,7 +5,8 @@
  * Rayleigh's phase function is a polynomial of degree 2 in the cosine, so its scattering integral
  * needs the moments of the incoming radiance up to degree 2 and nothing else: exact with six numbers per
  * band, where four-dimensional tables keep thousands. The aerosol's phase function is cut after degree 2 by
- * the delta-M method (Wiscombe 1977): the share f of its forward peak counts as not scattered at all.
+ * the delta-M method (Wiscombe 1977): the share f of its forward peak counts as not scattered at all. What it sends near
+ * the sun beyond degree 2 by scattering more than once is single_scatter.glsl's.
  * In the local frame z is up, x is horizontal towards the sun; the field is symmetric in y.
  *
  * Layers of an atlas, one above the other: log2(M0), Mxx/M0, Mzz/M0, Mxz/M0, Vx/M0, Vz/M0 and the
@@ -91,11 +92,17 @@ vec4 multiple_ground_irradiance(float mu_s)
 	return multiple_layer(uv, 6) * exp2(multiple_layer(uv, 0));
 }
 
-/* The delta-scaled aerosol's phase function of degree 2, without the peak, times 1 - f. */
-float phase_aerosol_scaled(float nu)
+/* Lobes of the aerosol, per steradian, at cosine nu: x is the delta-scaled phase function as far as this table resolves it
+ * (with negative ripples; its integral and low moments are right). y, z, w are what light becomes that it scatters on
+ * 2, 3 and 4 times, less the degrees up to 2 that this table has. */
+vec4 aerosol_lobes(float nu)
 {
-	vec4 x = media.aerosol_moments; /* chi1', chi2', 1 - f */
-	return x.z / (4.0 * PI) * max(1.0 + 3.0 * x.x * nu + 5.0 * x.y * (1.5 * nu * nu - 0.5), 0.0);
+	ivec2 rule = media.rule[RULE_LOBES].xy;
+	float at = acos(clamp(nu, -1.0, 1.0)) / PI * float(rule.y - 1);
+	int i = clamp(int(at), 0, rule.y - 2);
+	vec4 low = vec4(node[rule.x + i], node[rule.x + rule.y + i]);
+	vec4 high = vec4(node[rule.x + i + 1], node[rule.x + rule.y + i + 1]);
+	return mix(low, high, at - float(i));
 }
 
 /* Per unit length: light of all orders that the medium at (h, mu_s) scatters into the view ray (cosines mu to the

@@ -139,7 +139,8 @@ typedef unsigned int uint;
 #define RULE_AROUND 8 /* directions above and below the horizon, multiple-scattering table */
 #define RULE_AROUND_COARSE 9 /* the same, fewer */
 #define RULE_SLICE 10 /* between two distances of the aerial-perspective table */
-#define RULE_COUNT 11
+#define RULE_LOBES 11 /* not a rule: the aerosol's scaled phase function and its lobes by angle, multiple_table.glsl */
+#define RULE_COUNT 12
 
 /* Plain uniforms */
 #define LOCATION_TILE 0  /* ivec4: x, y, width, height of the strip in the image; a radiance job: first direction, 0, count, 1 */

@@ -62,7 +62,7 @@ void gather_step(inout Sums s, Cone cone, float t, float ht, vec3 density, vec4 
 			float x = cone_x(cone, a, SUN_AZIMUTHS), nu = cone_nu(cone, x);
 			float mu_st = clamp(((R + cone.h) * cone.mu_s + t * nu) / (R + ht), -1.0, 1.0);
 			vec4 scattered = bands.rayleigh * (density.x * phase_rayleigh(nu)) +
-					 bands.aerosol_scattering * (density.y * phase_aerosol_scaled(nu));
+					 bands.aerosol_scattering * (density.y * media.aerosol_moments.z * aerosol_lobes(nu).x);
 			sums_add(s, cone, x, scattered * scaled_sunlight(ht, mu_st) * through / float(SUN_AZIMUTHS));
 		} while (++a < SUN_AZIMUTHS);
 	else
