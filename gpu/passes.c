@@ -20,16 +20,16 @@ enum {
 	BLOCK_STRIDE = 256,
 	OFFSET_FRAME = 0,
 	OFFSET_MEDIA = 256,
-	OFFSET_METHOD = 512,
-	OFFSET_CLOUDS = 768,
-	OFFSET_BANDS = 1280
+	OFFSET_METHOD = 768,
+	OFFSET_CLOUDS = 1024,
+	OFFSET_BANDS = 1536
 };
 enum { OFFSET_FITTED = OFFSET_BANDS + SCENE_MAX_BATCHES * BLOCK_STRIDE, FITTED_STRIDE = 512 };
 enum { OFFSET_SURFACES = OFFSET_FITTED + SCENE_MAX_BATCHES * FITTED_STRIDE, SURFACES_STRIDE = 512 };
 enum { BLOCKS_BYTES = OFFSET_SURFACES + SURFACES_STRIDE };
 
 _Static_assert(sizeof(struct FrameBlock) <= BLOCK_STRIDE, "FrameBlock outgrew its slot");
-_Static_assert(sizeof(struct MediaBlock) <= BLOCK_STRIDE, "MediaBlock outgrew its slot");
+_Static_assert(sizeof(struct MediaBlock) <= OFFSET_METHOD - OFFSET_MEDIA, "MediaBlock outgrew its slot");
 _Static_assert(sizeof(struct CloudsBlock) <= OFFSET_BANDS - OFFSET_CLOUDS, "CloudsBlock outgrew its slot");
 _Static_assert(sizeof(struct BandsBlock) <= BLOCK_STRIDE, "BandsBlock outgrew its slot");
 _Static_assert(sizeof(struct SurfacesBlock) <= SURFACES_STRIDE, "SurfacesBlock outgrew its slot");

@@ -231,6 +231,8 @@ static void set_media(struct scene *scene, const struct welkin_atmosphere *air)
 	add_lobes(scene, moments);
 	media->aerosol_moments[0] = (float)moments[1];
 	media->aerosol_moments[1] = (float)moments[2];
+	media->aerosol_higher[0] = (float)moments[3];
+	media->aerosol_higher[1] = (float)moments[4];
 	media->aerosol_moments[2] = (float)(1 - peak);
 }
 

@@ -30,7 +30,7 @@ enum table_state need_optical_depth(struct frame_tables *tables, const struct sc
 /* What scattering depends on, sun and camera apart. */
 struct coefficient_key {
 	struct profile_key profile;
-	vec4 moments, rayleigh, aerosol_scattering, aerosol_scaled_extinction, ozone, ground_albedo;
+	vec4 moments, higher, rayleigh, aerosol_scattering, aerosol_scaled_extinction, ozone, ground_albedo;
 };
 
 static struct coefficient_key coefficient_key(const struct scene *scene, int batch)
@@ -38,6 +38,7 @@ static struct coefficient_key coefficient_key(const struct scene *scene, int bat
 	const struct BandsBlock *bands = &scene->batches[batch];
 	struct coefficient_key key = { .profile = profile_key(&scene->media) };
 	memcpy(key.moments, scene->media.aerosol_moments, sizeof key.moments);
+	memcpy(key.higher, scene->media.aerosol_higher, sizeof key.higher);
 	memcpy(key.rayleigh, bands->rayleigh, sizeof key.rayleigh);
 	memcpy(key.aerosol_scattering, bands->aerosol_scattering, sizeof key.aerosol_scattering);
 	memcpy(key.aerosol_scaled_extinction, bands->aerosol_scaled_extinction, sizeof key.aerosol_scaled_extinction);
@@ -48,7 +49,7 @@ static struct coefficient_key coefficient_key(const struct scene *scene, int bat
 
 enum table_state need_multiple(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)
 {
-	enum { SUNS = 64, ALTITUDES = 32, LAYERS = 2 * 7 };
+	enum { SUNS = 64, ALTITUDES = 32, LAYERS = 2 * 9 };
 	static const struct table_desc multiple = {
 		.name = "multiple",
 		.width = SUNS,

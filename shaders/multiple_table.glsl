@@ -9,8 +9,9 @@
  * the sun beyond degree 2 by scattering more than once is single_scatter.glsl's.
  * In the local frame z is up, x is horizontal towards the sun; the field is symmetric in y.
  *
- * Layers of an atlas, one above the other: log2(M0), Mxx/M0, Mzz/M0, Mxz/M0, Vx/M0, Vz/M0 and the
- * irradiance on level ground E/M0, with M0 = ∫L dω, M = ∫L ωω, V = ∫L ω, per sun irradiance of 1. Above them
+ * Layers of an atlas, one above the other: log2(M0), Mxx/M0, Mzz/M0, Mxz/M0, Vx/M0, Vz/M0, the
+ * irradiance on level ground E/M0, Z3/M0 and Z4/M0, with M0 = ∫L dω, M = ∫L ωω, V = ∫L ω, Zn = ∫L Pn(ωz), per sun irradiance of 1.
+ * Of degrees 3 and 4 these are the parts that the horizon and the ground make, which aerosol does not forget. Above them
  * lie as many layers again of the order of scattering that was last added, for the kernel that makes the table.
  */
 #include "column.glsl"
@@ -18,7 +19,7 @@
 
 layout(binding = UNIT_MULTIPLE) uniform sampler2D multiple_texture;
 
-const int MULTIPLE_LAYERS = 7;
+const int MULTIPLE_LAYERS = 9;
 #ifndef MULTIPLE_FIRST /* layer of those that are read */
 #define MULTIPLE_FIRST 0
 #endif
@@ -61,7 +62,7 @@ void point_from_multiple(vec2 uv, out float h, out float mu_s)
 /* ---- reading ---- */
 
 struct Moments {
-	vec4 m0, xx, zz, xz, vx, vz;
+	vec4 m0, xx, zz, xz, vx, vz, z3, z4;
 };
 
 vec4 multiple_layer(vec2 uv, int layer)
@@ -82,6 +83,8 @@ Moments multiple_moments(float h, float mu_s)
 	m.xz = multiple_layer(uv, 3) * m.m0;
 	m.vx = multiple_layer(uv, 4) * m.m0;
 	m.vz = multiple_layer(uv, 5) * m.m0;
+	m.z3 = multiple_layer(uv, 7) * m.m0;
+	m.z4 = multiple_layer(uv, 8) * m.m0;
 	return m;
 }
 
@@ -105,6 +108,19 @@ vec4 aerosol_lobes(float nu)
 	return mix(low, high, at - float(i));
 }
 
+/* Legendre polynomials of degrees 3 and 4. */
+vec2 legendre_3_4(float x)
+{
+	float x2 = x * x;
+	return vec2((2.5 * x2 - 1.5) * x, (4.375 * x2 - 3.75) * x2 + 0.375);
+}
+
+/* (2n + 1) / 4π · χn', times the share that the delta-scaled aerosol scatters. */
+vec2 zonal_weights()
+{
+	return vec2(7.0, 9.0) / (4.0 * PI) * media.aerosol_higher.xy * media.aerosol_moments.z;
+}
+
 /* Per unit length: light of all orders that the medium at (h, mu_s) scatters into the view ray (cosines mu to the
  * vertical, nu to the sun), of light scattered before; per sun irradiance of 1. */
 vec4 multiple_source(float h, float mu, float mu_s, float nu, vec3 density)
@@ -116,5 +132,7 @@ vec4 multiple_source(float h, float mu, float mu_s, float nu, vec3 density)
 	vec4 rayleigh = 3.0 / (16.0 * PI) * (m.m0 + quadratic);
 	vec4 x = media.aerosol_moments;
 	vec4 aerosol = x.z / (4.0 * PI) * (m.m0 + 3.0 * x.x * (m.vx * wx + m.vz * wz) + 2.5 * x.y * (3.0 * quadratic - m.m0));
+	vec2 zonal = zonal_weights() * legendre_3_4(mu);
+	aerosol += m.z3 * zonal.x + m.z4 * zonal.y;
 	return max(bands.rayleigh * density.x * rayleigh + bands.aerosol_scattering * density.y * aerosol, 0.0);
 }

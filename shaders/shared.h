@@ -288,6 +288,7 @@ WELKIN_BLOCK(MediaBlock, BIND_MEDIA)
 	float turbidity;
 	float sun_intensity;                   /* already in the bands' irradiance; for skies given in luminance */
 	vec4 aerosol_moments;                  /* of its phase function after delta-M: chi1', chi2', 1 - f */
+	vec4 aerosol_higher;                   /* chi3', chi4' */
 	ivec4 rule[RULE_COUNT];                /* quadrature rules in BIND_NODES: x first node, y how many */
 WELKIN_BLOCK_END(media)
 

@@ -14,7 +14,7 @@
 
 #include <cmocka.h>
 
-enum { SUNS = 64, ALTITUDES = 32, LAYERS = 7 };
+enum { SUNS = 64, ALTITUDES = 32, LAYERS = 9 };
 enum { M0 = 0, VZ = 5 };
 
 struct table {

@@ -21,7 +21,7 @@ const int STEPS = 20, COARSE_STEPS = 10;
 const float RATIO_LIMIT = 0.95;
 
 struct Sums {
-	vec4 m0, xx, zz, xz, vx, vz, down;
+	vec4 m0, xx, zz, xz, vx, vz, down, z3, z4;
 };
 
 /* One direction of a gathering texel: cosine to the vertical, weight, sines of it and of the sun. */
@@ -49,6 +49,9 @@ void sums_add(inout Sums s, Cone cone, float x, vec4 L)
 	s.vx += L * x;
 	s.vz += L * cone.mu;
 	s.down += L * max(cone.mu, 0.0);
+	vec2 zonal = legendre_3_4(cone.mu);
+	s.z3 += L * zonal.x;
+	s.z4 += L * zonal.y;
 }
 
 /* What a stretch at altitude ht sends through `through` from all azimuths. llvmpipe goes through both sides of every
@@ -132,6 +135,8 @@ void store_moments(ivec2 texel, int set, Sums s)
 	store(texel, set + 4, s.vx / m0);
 	store(texel, set + 5, s.vz / m0);
 	store(texel, set + 6, s.down / m0);
+	store(texel, set + 7, s.z3 / m0);
+	store(texel, set + 8, s.z4 / m0);
 }
 
 vec4 load(ivec2 texel, int layer)
@@ -148,7 +153,7 @@ void main()
 	float h, mu_s;
 	point_from_multiple(vec2(texel) / vec2(size.x - 1, rows - 1), h, mu_s);
 	float horizon = mu_horizon(h);
-	Sums s = Sums(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+	Sums s = Sums(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
 	ivec2 rule = media.rule[iteration < MULTIPLE_COARSE_RUN ? RULE_AROUND : RULE_AROUND_COARSE].xy;
 	for (int i = 0; i < rule.y; i++) {
 		vec2 n = node[rule.x + i];
@@ -171,6 +176,8 @@ void main()
 		s.vx = s.vx * more + load(texel, 4) * before;
 		s.vz = s.vz * more + load(texel, 5) * before;
 		s.down = s.down * more + load(texel, 6) * before;
+		s.z3 = s.z3 * more + load(texel, 7) * before;
+		s.z4 = s.z4 * more + load(texel, 8) * before;
 		s.m0 = s.m0 * more + before;
 	}
 	store_moments(texel, 0, s);
