@@ -23,8 +23,8 @@ enum { AROUND_STEPS = 12, AROUND_COARSE_STEPS = 6 };
 /* Nodes between two distances of the aerial-perspective table. */
 enum { SLICE_STEPS = 3 };
 
-/* Angles from 0 to 180 degrees at which lobes of the aerosol's phase function are kept, the degree of their series, and of
- * the one that the multiple-scattering table takes in: what its azimuths resolve. */
+/* Angles from 0 to 180 degrees at which lobes of the aerosol's phase function are kept, the degree of their series, and
+ * of the one that the multiple-scattering table takes in: what its azimuths resolve. */
 enum { LOBE_SAMPLES = 256, LOBE_DEGREES = 48, LOBE_TABLE_DEGREE = 8 };
 
 /* Steps that a piece of a ray gets at least, if that many were asked for. */
@@ -152,8 +152,8 @@ static void legendre(double x, double *P, int n)
 		P[l] = ((2 * l - 1) * x * P[l - 1] - (l - 1) * P[l - 2]) / l;
 }
 
-/* Delta-M (after Wiscombe 1977) of that phase function for LOBE_DEGREES moments and a peak. What it scatters by less than
- * PEAK_DEG counts as not scattered at all; that share f leaves (chi - f) / (1 - f) of each Legendre moment.
+/* Delta-M (after Wiscombe 1977) of that phase function for LOBE_DEGREES moments and a peak. What it scatters by less
+ * than PEAK_DEG counts as not scattered at all; that share f leaves (chi - f) / (1 - f) of each Legendre moment.
  * Wiscombe's own f, the third moment, is 0.51 at g = 0.8 and takes for unscattered what long paths at low suns
  * lose: the sky of preset earth is then up to 15 % too bright at the horizon at sunset, and 5 % with this. Midpoint
  * rule in u with 1 - nu = 2 u^4, which resolves peaks of g = 0.999. */

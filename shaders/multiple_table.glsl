@@ -115,10 +115,11 @@ vec2 legendre_3_4(float x)
 	return vec2((2.5 * x2 - 1.5) * x, (4.375 * x2 - 3.75) * x2 + 0.375);
 }
 
-/* (2n + 1) / 4π · χn', times the share that the delta-scaled aerosol scatters. */
-vec2 zonal_weights()
+/* (2n + 1) / 4π · χn', times the share that the delta-scaled aerosol scatters. None under a sun at the horizon: what is
+ * bright then is not a ring, and one of its moments without those that vary with azimuth is worse than none. */
+vec2 zonal_weights(float mu_s)
 {
-	return vec2(7.0, 9.0) / (4.0 * PI) * media.aerosol_higher.xy * media.aerosol_moments.z;
+	return vec2(7.0, 9.0) / (4.0 * PI) * media.aerosol_higher.xy * (media.aerosol_moments.z * smoothstep(0.0, 0.15, mu_s));
 }
 
 /* Per unit length: light of all orders that the medium at (h, mu_s) scatters into the view ray (cosines mu to the
@@ -132,7 +133,7 @@ vec4 multiple_source(float h, float mu, float mu_s, float nu, vec3 density)
 	vec4 rayleigh = 3.0 / (16.0 * PI) * (m.m0 + quadratic);
 	vec4 x = media.aerosol_moments;
 	vec4 aerosol = x.z / (4.0 * PI) * (m.m0 + 3.0 * x.x * (m.vx * wx + m.vz * wz) + 2.5 * x.y * (3.0 * quadratic - m.m0));
-	vec2 zonal = zonal_weights() * legendre_3_4(mu);
+	vec2 zonal = zonal_weights(mu_s) * legendre_3_4(mu);
 	aerosol += m.z3 * zonal.x + m.z4 * zonal.y;
 	return max(bands.rayleigh * density.x * rayleigh + bands.aerosol_scattering * density.y * aerosol, 0.0);
 }

@@ -130,7 +130,7 @@ void integrate(inout Integral integral, ViewRay ray, Piece piece, bool lit, ivec
 		integral.on[1] += on * depth / 2.0;
 		integral.on[2] += on * depth * depth / 6.0;
 		/* what of them the table has */
-		vec2 chi = media.aerosol_higher.xy, zonal = zonal_weights() * legendre_3_4(mu) * legendre_3_4(mu_s);
+		vec2 chi = media.aerosol_higher.xy, zonal = zonal_weights(mu_s) * legendre_3_4(mu) * legendre_3_4(mu_s);
 		vec4 x = depth * chi.x, y = depth * chi.y;
 		vec4 share = (1.0 + x * (0.5 + x / 6.0)) * (chi.x * zonal.x) + (1.0 + y * (0.5 + y / 6.0)) * (chi.y * zonal.y);
 		integral.multiple -= bands.aerosol_scattering * on * share;

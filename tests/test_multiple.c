@@ -94,7 +94,8 @@ static void nothing_is_lost(double aerosol_per_m, double limit)
 				assert_true(isfinite(net));
 				worst = fabs(net) > fabs(worst) ? net : worst;
 			}
-	print_message("aerosol %g per m over white ground: net flux at most %+.3f %% of the sun's\n", aerosol_per_m, 100 * worst);
+	print_message("aerosol %g per m over white ground: net flux at most %+.3f %% of the sun's\n", aerosol_per_m,
+		100 * worst);
 	assert_true(fabs(worst) < limit);
 	free(scene);
 	free(table);

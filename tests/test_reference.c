@@ -212,9 +212,9 @@ static void test_tables_by_day(void **state)
 {
 	(void)state;
 	struct score s = against(day, WELKIN_EARTH, day_zeniths, 5, 180, 0, "sky_view", 1);
-	assert_true(sqrt(s.squares / s.n) <= 0.02);
+	assert_true(sqrt(s.squares / s.n) <= 0.005);
 	s = against(day, WELKIN_EARTH, day_zeniths, 5, 180, 0, "precomputed", 1);
-	assert_true(sqrt(s.squares / s.n) <= 0.01 && s.most <= 0.03);
+	assert_true(sqrt(s.squares / s.n) <= 0.005 && s.most <= 0.015);
 }
 
 static void test_sky_view_in_twilight(void **state)
@@ -240,6 +240,56 @@ static void test_disort(void **state)
 	}
 }
 
+/* What `reference` says becomes the truth, with its error. */
+static void ask_reference(struct view *v, double max_error)
+{
+	const struct welkin_radiance_layout at = welkin_radiance_layout(v->n, WAVELENGTHS);
+	struct welkin_result result;
+	double *reply;
+	set_method(&v->request, "reference");
+	v->request.max_error = max_error;
+	assert_true(lib_radiance(
+		&renderer, &v->request, (const double(*)[3])v->directions, v->n, nm, WAVELENGTHS, &reply, &result));
+	for (int i = 0; i < v->n; i++)
+		for (int w = 0; w < WAVELENGTHS; w++) {
+			v->truth[i][w] = reply[at.radiance + (size_t)(i * WAVELENGTHS + w)];
+			v->truth_error[i][w] = reply[at.std_error + (size_t)(i * WAVELENGTHS + w)];
+		}
+	free(reply);
+}
+
+/* A hazy day, aerosol of optical depth 0.12: its lobes are far sharper than what the table of multiple scattering
+ * holds, and white ground below it takes many orders. Before both were thought of the errors were 8 to 10 %. */
+static void test_tables_in_haze(void **state)
+{
+	static const struct {
+		double sun_deg, albedo, limit;
+	} cases[] = { { 60, 0.1, 0.02 }, { 60, 1, 0.02 }, { 10, 0.1, 0.06 }, { 10, 1, 0.05 } };
+	static const double elevations[] = { 2, 10, 30, 60, 88 };
+	static struct view v;
+	(void)state;
+	for (size_t c = 0; c < sizeof cases / sizeof cases[0]; c++) {
+		v = (struct view){ .request = request_of(WELKIN_EARTH, 2, cases[c].sun_deg), .n = 20 };
+		for (int i = 0; i < 3; i++) {
+			v.request.atmosphere.aerosol_scattering_per_m[i] = 1e-4;
+			v.request.ground_albedo[i] = cases[c].albedo;
+		}
+		for (int i = 0; i < v.n; i++)
+			direction_of(elevations[i / 4], 60 * (i % 4), v.directions[i]);
+		ask_reference(&v, 0.008);
+		static const char *const methods[] = { "sky_view", "precomputed" };
+		for (int m = 0; m < 2; m++) {
+			struct score s = { 0 };
+			char what[96];
+			measure(&v, methods[m], &s);
+			snprintf(what, sizeof what, "%s, haze, sun %g deg, albedo %g", methods[m], cases[c].sun_deg,
+				cases[c].albedo);
+			show(what, &s);
+			assert_true(sqrt(s.squares / s.n) <= cases[c].limit);
+		}
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -249,6 +299,7 @@ int main(void)
 		cmocka_unit_test(test_tables_by_day),
 		cmocka_unit_test(test_sky_view_in_twilight),
 		cmocka_unit_test(test_disort),
+		cmocka_unit_test(test_tables_in_haze),
 	};
 	return cmocka_run_group_tests_name("reference", tests, start, stop);
 }
