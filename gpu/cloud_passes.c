@@ -73,6 +73,22 @@ static bool choose_reprojection(struct workspace *ws, struct frame *f, const cha
 	return true;
 }
 
+/* Shade on the ground and in the air, for one pixel of sixteen where it is smooth. */
+static bool choose_shade(struct workspace *ws, struct frame *f, const char *compose, struct error *err)
+{
+	char rays[96], there[96];
+	const int projection = f->job.request.image.projection;
+	const struct choice fill = { &f->cloud_shade.fill, "cloud_shade.comp", 0 };
+	if (!by_fewer_rays(f) || projection == WELKIN_CUBEMAP ||
+		!(f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION))
+		return true;
+	snprintf(rays, sizeof rays, "PROJECTION=%d SHADE=%d", projection, SHADE_OF_RAYS);
+	snprintf(there, sizeof there, "%sSHADE=%d", compose, SHADE_THERE);
+	return (f->cloud_shade.rays = programs_get(ws->programs, "cloud_compose.comp", rays, err)) &&
+	       (f->cloud_shade.compose = programs_get(ws->programs, "cloud_compose.comp", there, err)) &&
+	       choose(ws, f, &fill, 1, "", err);
+}
+
 /* Points of a tile's lattice along an axis; cloud_lattice.glsl. */
 static int lattice_across(int from, int pixels)
 {
@@ -103,7 +119,8 @@ bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error 
 	snprintf(choices, sizeof choices, "LIGHTING=%d SAVINGS=%u %s", clouds->lighting, clouds->savings, surfaces);
 	return (f->clouds = programs_get(ws->programs, "clouds.comp", choices, err)) &&
 	       (f->compose = programs_get(ws->programs, "cloud_compose.comp", compose, err)) &&
-	       choose_lattice(ws, f, choices, err) && choose_reprojection(ws, f, choices, err);
+	       choose_shade(ws, f, compose, err) && choose_lattice(ws, f, choices, err) &&
+	       choose_reprojection(ws, f, choices, err);
 }
 
 /* Points of a tile's lattice, at most; cloud_lattice.glsl. */
@@ -123,7 +140,8 @@ bool clouds_reserve(struct workspace *ws, const struct frame *f, int pixels, str
 	return workspace_reserve(&ws->cloud_light, sides * size, false, err) &&
 	       workspace_reserve(&ws->cloud_place, sides * size, false, err) &&
 	       (!layered(f) || workspace_reserve(&ws->cloud_layer, 2 * size, false, err)) &&
-	       (!(f->cloud_lattice.corners || f->cloud_reprojection.blocks) ||
+	       (!f->cloud_shade.rays || workspace_reserve(&ws->cloud_shade, 2 * size, false, err)) &&
+	       (!(f->cloud_shade.rays || f->cloud_lattice.corners || f->cloud_reprojection.blocks) ||
 		       (workspace_reserve(&ws->cloud_lattice, points * 8 * sizeof(float), false, err) &&
 			       workspace_reserve(
 				       &ws->cloud_list, (points + CLOUD_LIST_FIRST) * sizeof(uint), false, err)));
@@ -202,6 +220,41 @@ static void march_tile(struct workspace *ws, const struct frame *f, const struct
 		keep(ws, f, march);
 }
 
+/* Of a batch: cells' corners, then what lies between. */
+static void shade_tile(struct workspace *ws, const struct frame *f, const struct pass *compose)
+{
+	const int *tile = compose->tile;
+	struct pass corners = *compose;
+	corners.program = f->cloud_shade.rays;
+	corners.storage[BIND_CLOUD_LATTICE] = ws->cloud_lattice.id;
+	corners.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
+	corners.storage[BIND_CLOUD_SHADE] = ws->cloud_shade.id;
+	struct pass fill = corners, listed = corners;
+	corners.threads[0] =
+		(lattice_across(tile[0], tile[2]) / 2 + 1) * (lattice_across(tile[1], tile[3]) / 2 + 1);
+	fill.program = f->cloud_shade.fill;
+	listed.samples[0] = 1;
+	listed.indirect = ws->cloud_list.id;
+	listed.indirect_at = CLOUD_LIST_HEAD * (int)sizeof(uint);
+	passes_run(ws->passes, &corners);
+	passes_run(ws->passes, &fill);
+	passes_run(ws->passes, &listed);
+}
+
+/* What the march found, in colour, one batch. */
+static void compose_tile(struct workspace *ws, const struct frame *f, const struct pass *compose)
+{
+	if (!f->cloud_shade.rays || f->stage != FRAME_STRIPS) {
+		passes_run(ws->passes, compose);
+		return;
+	}
+	shade_tile(ws, f, compose);
+	struct pass there = *compose;
+	there.program = f->cloud_shade.compose;
+	there.storage[BIND_CLOUD_SHADE] = ws->cloud_shade.id;
+	passes_run(ws->passes, &there);
+}
+
 void clouds_run(struct workspace *ws, const struct frame *f, const int tile[4], unsigned radiance,
 	unsigned transmittance, unsigned directions)
 {
@@ -224,6 +277,6 @@ void clouds_run(struct workspace *ws, const struct frame *f, const int tile[4], 
 	const int first = spectral ? f->batch : 0, last = spectral ? f->batch : f->scene.n_batches - 1;
 	for (compose.batch = first; compose.batch <= last; compose.batch++) {
 		frame_tables(ws, f, compose.batch, NULL);
-		passes_run(ws->passes, &compose);
+		compose_tile(ws, f, &compose);
 	}
 }

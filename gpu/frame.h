@@ -34,6 +34,9 @@ struct frame {
 		const struct program *corners, *fill_lattice, *lattice, *fill_pixels, *pixels;
 	} cloud_lattice; /* NULL where every pixel is marched */
 	struct {
+		const struct program *rays, *fill, *compose;
+	} cloud_shade; /* NULL where it is worked out pixel by pixel */
+	struct {
 		const struct program *blocks, *reproject, *pixels, *keep;
 	} cloud_reprojection;          /* NULL where no frame comes before or after */
 	bool begun;                    /* its first slice */

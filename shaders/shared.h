@@ -40,6 +40,7 @@ typedef unsigned int uint;
 #define BIND_CLOUD_LATTICE 4 /* kernels of the march: two vec4 per point, as the next two; cloud_lattice.glsl */
 #define BIND_GROUPS 4        /* kernels of an image with a scene: GROUPS_ of uint, groups of WORKGROUP_LINE pixels of the strip that show something; surfaces_list.comp */
 #define BIND_CLOUD_LIST 5    /* likewise: CLOUD_LIST_ of uint, points to march */
+#define BIND_CLOUD_SHADE 1   /* two vec4 per pixel: radiance of the batch that clouds take before and behind them; cloud_shade.comp */
 #define BIND_CLOUD_BEFORE 0  /* likewise: uvec4 per pixel of the image, clouds of the frame before; cloud_history.glsl */
 #define BIND_CLOUD_KEPT 1    /* likewise, of this frame for the next */
 #define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp */
@@ -187,6 +188,14 @@ typedef unsigned int uint;
 /* BIND_CLOUD_LIST: for the lattice, then for the pixels: workgroups along x, y, z, and how many points; then the points. */
 #define CLOUD_LIST_HEAD 4
 #define CLOUD_LIST_FIRST 8
+
+/* How a kernel of cloud_compose.comp has what clouds take from the light below them. */
+#define SHADE_HERE 0    /* it works it out, pixel by pixel */
+#define SHADE_THERE 1   /* BIND_CLOUD_SHADE */
+#define SHADE_OF_RAYS 2 /* it works it out for cloud_shade.comp, and does nothing else */
+#define COURSE_NO_AIR 0
+#define COURSE_TO_GROUND 1
+#define COURSE_IN_AIR 2 /* and above, by the shells that are met */
 
 #define SHAPE_DILATED_SQUARED 0
 #define SHAPE_DILATED 1
