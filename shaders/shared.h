@@ -82,6 +82,10 @@ typedef unsigned int uint;
 #define CLOUD_GRID_GROWTH 4.0
 #define CLOUD_DIFFUSE_RUNS 14 /* of the diffusion equation: columns alone, relaxations (their number prime to 5), light emitted */
 
+/* The sun's way through clouds: boxes as wide, of more and smaller cells (cloud_sun.glsl). */
+#define CLOUD_SUN_ACROSS 128
+#define CLOUD_SUN_UP 40
+
 /* Majorants for paths through clouds (cloud_majorant.glsl): boxes around the camera, each CLOUD_GRID_GROWTH times as
  * wide as the one before, stacked likewise; their texture is made in so many runs. */
 #define MAJORANT_ACROSS 128
@@ -98,6 +102,7 @@ typedef unsigned int uint;
 #define UNIT_SHADOW_DEPTH 22 /* the same, read as it is */
 #define UNIT_SHADOW_MOMENTS 23
 #define UNIT_SHAFTS 24       /* shadowed light by angle from the sun, plane and distance */
+#define UNIT_CLOUD_SUN 26      /* optical depth of clouds to the sun; cloud_sun.glsl */
 #define UNIT_SHAFT_TREE 25   /* depth from the sun along the planes: minima and maxima */
 
 /* Samples of a pixel in the raster pass. */
@@ -295,9 +300,11 @@ WELKIN_BLOCK(MediaBlock, BIND_MEDIA)
 WELKIN_BLOCK_END(media)
 
 /* The clouds: a layer between two shells, described in cloud_density.glsl, and a thin one above. Offsets are those of
- * the camera's footprint in textures, in units of their side, wrapped. */
+ * the origin of cloud space in textures, in units of their side, wrapped. The origin is near the camera's footprint, and stays where it
+ * is in the air that moves with the clouds, until the footprint has moved on by a cell of the finest grid: so do tables. */
 WELKIN_BLOCK(CloudsBlock, BIND_CLOUDS)
 	vec4 east, south;      /* xyz: horizontal axes at the camera, world frame */
+	vec4 origin;           /* x, z: the camera's footprint from the origin of cloud space, m; y: how far shapes have risen since they were as the tables of light have them */
 	vec4 base, detail;     /* xyz offset, w 1 / side in 1/m */
 	vec4 grid[CLOUD_GRID_LEVELS]; /* xy: least x and z in m, z: side of a cell in m; cloud_grid.glsl */
 	vec4 regions;          /* xyz: phases of cloud_region() at the camera's footprint, in periods; w: its amplitude, 0 where the map just repeats */
