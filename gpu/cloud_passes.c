@@ -76,17 +76,17 @@ static bool choose_reprojection(struct workspace *ws, struct frame *f, const cha
 /* Shade on the ground and in the air, for one pixel of sixteen where it is smooth. */
 static bool choose_shade(struct workspace *ws, struct frame *f, const char *compose, struct error *err)
 {
-	char rays[96], there[96];
+	char rays[96], there[96], fill[96];
 	const int projection = f->job.request.image.projection;
-	const struct choice fill = { &f->cloud_shade.fill, "cloud_shade.comp", 0 };
 	if (!by_fewer_rays(f) || projection == WELKIN_CUBEMAP ||
 		!(f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION))
 		return true;
-	snprintf(rays, sizeof rays, "PROJECTION=%d SHADE=%d", projection, SHADE_OF_RAYS);
+	snprintf(rays, sizeof rays, "%sPROJECTION=%d SHADE=%d", compose, projection, SHADE_OF_RAYS);
+	snprintf(fill, sizeof fill, "%sPROJECTION=%d", compose, projection);
 	snprintf(there, sizeof there, "%sSHADE=%d", compose, SHADE_THERE);
 	return (f->cloud_shade.rays = programs_get(ws->programs, "cloud_compose.comp", rays, err)) &&
 	       (f->cloud_shade.compose = programs_get(ws->programs, "cloud_compose.comp", there, err)) &&
-	       choose(ws, f, &fill, 1, "", err);
+	       (f->cloud_shade.fill = programs_get(ws->programs, "cloud_shade.comp", fill, err));
 }
 
 /* Points of a tile's lattice along an axis; cloud_lattice.glsl. */
@@ -220,39 +220,32 @@ static void march_tile(struct workspace *ws, const struct frame *f, const struct
 		keep(ws, f, march);
 }
 
-/* Of a batch: cells' corners, then what lies between. */
-static void shade_tile(struct workspace *ws, const struct frame *f, const struct pass *compose)
+/* What the march found, in colour, one batch: shade at cells' corners, then what lies between, then pixels with clouds. */
+static void compose_tile(struct workspace *ws, const struct frame *f, const struct pass *compose)
 {
 	const int *tile = compose->tile;
+	if (!f->cloud_shade.rays || f->stage != FRAME_STRIPS) {
+		passes_run(ws->passes, compose);
+		return;
+	}
 	struct pass corners = *compose;
 	corners.program = f->cloud_shade.rays;
 	corners.storage[BIND_CLOUD_LATTICE] = ws->cloud_lattice.id;
 	corners.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
 	corners.storage[BIND_CLOUD_SHADE] = ws->cloud_shade.id;
-	struct pass fill = corners, listed = corners;
+	struct pass fill = corners, shaded = corners, composed = corners;
 	corners.threads[0] =
 		(lattice_across(tile[0], tile[2]) / 2 + 1) * (lattice_across(tile[1], tile[3]) / 2 + 1);
 	fill.program = f->cloud_shade.fill;
-	listed.samples[0] = 1;
-	listed.indirect = ws->cloud_list.id;
-	listed.indirect_at = CLOUD_LIST_HEAD * (int)sizeof(uint);
+	shaded.samples[0] = 1;
+	shaded.indirect = composed.indirect = ws->cloud_list.id;
+	shaded.indirect_at = CLOUD_LIST_SHADED * CLOUD_LIST_HEAD * (int)sizeof(uint);
+	composed.indirect_at = CLOUD_LIST_COMPOSED * CLOUD_LIST_HEAD * (int)sizeof(uint);
+	composed.program = f->cloud_shade.compose;
 	passes_run(ws->passes, &corners);
 	passes_run(ws->passes, &fill);
-	passes_run(ws->passes, &listed);
-}
-
-/* What the march found, in colour, one batch. */
-static void compose_tile(struct workspace *ws, const struct frame *f, const struct pass *compose)
-{
-	if (!f->cloud_shade.rays || f->stage != FRAME_STRIPS) {
-		passes_run(ws->passes, compose);
-		return;
-	}
-	shade_tile(ws, f, compose);
-	struct pass there = *compose;
-	there.program = f->cloud_shade.compose;
-	there.storage[BIND_CLOUD_SHADE] = ws->cloud_shade.id;
-	passes_run(ws->passes, &there);
+	passes_run(ws->passes, &shaded);
+	passes_run(ws->passes, &composed);
 }
 
 void clouds_run(struct workspace *ws, const struct frame *f, const int tile[4], unsigned radiance,

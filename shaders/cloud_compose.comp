@@ -26,7 +26,9 @@ layout(location = LOCATION_SAMPLES) uniform ivec4 samples; /* x: 0 for the corne
 layout(std430, binding = BIND_CLOUD_LATTICE) writeonly buffer Lattice { vec4 lattice[]; };
 layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
 #else
-layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
+#if SHADE == SHADE_THERE
+layout(std430, binding = BIND_CLOUD_LIST) readonly buffer List { uint list[]; };
+#endif
 layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
 #endif
 #if SHADE != SHADE_HERE
@@ -35,11 +37,10 @@ layout(std430, binding = BIND_CLOUD_SHADE) buffer Shade { vec4 shade[]; };
 #ifdef CLOUD_LAYER
 layout(std430, binding = BIND_CLOUD_LAYER) buffer CloudLayer { vec4 cloud_layer[]; };
 #endif
-#if SHADE != SHADE_OF_RAYS
+layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer Place { vec4 place[]; };
-#endif
 
 /* Irradiance of the ground below a point of cloud space, per sun irradiance of 1: under a clear sky, and under the clouds, between which
  * and the ground light goes back and forth. */
@@ -113,6 +114,9 @@ void main()
 	if (listed) {
 		shade[2 * at] = s.open;
 		shade[2 * at + 1] = s.behind;
+		/* the others are composed */
+		if (!composed(light[at], direction[at]))
+			radiance[at].rgb += to_rgb(s.open + s.behind);
 	} else {
 		lattice[3 * at] = s.open;
 		lattice[3 * at + 1] = s.behind;
@@ -201,8 +205,14 @@ void add_to_layer(int i, vec3 rgb, float T, float away)
 void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
+#if SHADE == SHADE_THERE
+	if (i >= int(list[CLOUD_LIST_COMPOSED * CLOUD_LIST_HEAD + 3]))
+		return;
+	i = int(list[CLOUD_LIST_FIRST + tile.z * tile.w + i]);
+#else
 	if (i >= tile.z * tile.w)
 		return;
+#endif
 	bool spectral = (frame.features & FEATURE_SPECTRAL) != 0;
 	vec4 at = direction[spectral ? tile.x + i : i];
 	if (at.w < 0.0) {

@@ -18,6 +18,16 @@ struct Sight {
 	vec4 light, place;
 };
 
+/* Does a pixel with that light from clouds have more of them than their shade? Those that show nothing count. */
+bool composed(vec4 light, vec4 direction)
+{
+#ifdef CLOUD_LAYER
+	return true;
+#else
+	return light != vec4(1.0, 0.0, 0.0, 0.0) || direction.w < 0.0;
+#endif
+}
+
 float shown(vec4 light)
 {
 	return light.y + SKY_TO_SUN * (light.x + light.z + light.w);

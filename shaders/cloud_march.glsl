@@ -137,7 +137,8 @@ void march_uniform(inout March m, Stretch s)
 			t += step_;
 			q = cloud_point(s.ray, t);
 		}
-		float sigma = cloud_extinction(q, 1), sun_depth = sun_depth_at(q, to_sun_at(s, t), sigma);
+		float sigma = cloud_extinction(q, 1), middle = t + 0.5 * float(every - 1) * step_;
+		float sun_depth = sun_depth_at(cloud_point(s.ray, middle), to_sun_at(s, middle), sigma);
 		march_add(m, t, sigma * step_, cloud_source(m, q, sun_depth, s.nu));
 		if (saves(SAVE_SHARED_LIGHT) && i + 1 < n) {
 			q = cloud_point(s.ray, t + step_);
@@ -223,7 +224,8 @@ void march_adaptive(inout March m, Stretch s)
 		Sample p = sample_at(s, t, step_);
 		if (saves(SAVE_EMPTY_SPACE))
 			p = next_cloud(s, t, step_, left);
-		float sigma = cloud_extinction_of(p.q, p.weather, p.shape), sun_depth = sun_depth_at(p.q, to_sun_at(s, p.t), sigma);
+		float sigma = cloud_extinction_of(p.q, p.weather, p.shape), lit = p.t + (saves(SAVE_SHARED_LIGHT) ? 0.5 * p.span : 0.0);
+		float sun_depth = sun_depth_at(cloud_point(s.ray, lit), to_sun_at(s, lit), sigma);
 		for (int i = 0; i < (saves(SAVE_SHARED_LIGHT) ? 2 : 1); i++) {
 			float within = clamp(s.end - t, 0.0, p.span);
 			march_add(m, p.t, sigma * within, cloud_source(m, p.q, sun_depth, s.nu));

@@ -198,6 +198,8 @@ typedef unsigned int uint;
 #define SHADE_HERE 0    /* it works it out, pixel by pixel */
 #define SHADE_THERE 1   /* BIND_CLOUD_SHADE */
 #define SHADE_OF_RAYS 2 /* it works it out for cloud_shade.comp, and does nothing else */
+#define CLOUD_LIST_COMPOSED 0 /* its lists, as of BIND_CLOUD_LIST: pixels with clouds, after as many points as there are pixels */
+#define CLOUD_LIST_SHADED 1
 #define COURSE_NO_AIR 0
 #define COURSE_TO_GROUND 1
 #define COURSE_IN_AIR 2 /* and above, by the shells that are met */

@@ -22,7 +22,7 @@ static const char scene[] = SCENE "&camera.heading_deg=90";
 
 /* In the order in which the chart adds them; the renderer's own names. */
 static const char *const savings[] = { "steps_by_elevation", "early_exit", "empty_space", "adaptive_steps",
-	"light_volume", "shared_light", "half_resolution", "blue_noise" };
+	"light_volume", "half_resolution", "blue_noise" };
 enum { SAVINGS = sizeof savings / sizeof savings[0] };
 
 static const double goal_ratio = 20, goal_rmse = 0.03, goal_sequence_ratio = 60, goal_own_rmse = 0.05,

@@ -74,7 +74,7 @@ static void jitter_is_fair(void **state)
 	cloud_frame_free(&noisy);
 }
 
-#define ALL_BUT "clouds.savings=early_exit,empty_space,adaptive_steps,light_volume,shared_light"
+#define ALL_BUT "clouds.savings=early_exit,empty_space,adaptive_steps,light_volume"
 
 /* Interpolated between rays; small images are not. */
 static void lattice(void **state)
