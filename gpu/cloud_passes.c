@@ -55,7 +55,8 @@ static bool choose_reprojection(struct workspace *ws, struct frame *f, const cha
 {
 	static const char pass[] = "cloud-history";
 	const struct choice programs[] = { { &f->cloud_reprojection.blocks, "clouds.comp", CLOUD_RAYS_BLOCKS },
-		{ &f->cloud_reprojection.reproject, "cloud_reproject.comp", CLOUD_RAYS_BLOCKS },
+		{ &f->cloud_reprojection.agreeing, "cloud_reproject.comp", CLOUD_RAYS_BLOCKS },
+		{ &f->cloud_reprojection.reproject, "cloud_reproject.comp", CLOUD_RAYS_PIXELS },
 		{ &f->cloud_reprojection.pixels, "clouds.comp", CLOUD_RAYS_PIXELS },
 		{ &f->cloud_reprojection.keep, "cloud_keep.comp", CLOUD_RAYS_BLOCKS } };
 	if (!f->job.request.clouds.reprojection)
@@ -175,7 +176,7 @@ static void march_lattice(struct workspace *ws, const struct frame *f, const str
 	}
 }
 
-/* One pixel of each block, then the others from the frame before, marched where it does not show them. */
+/* One pixel of each block, then the others between those or from the frame before, marched where neither shows them. */
 static void march_blocks(struct workspace *ws, const struct frame *f, const struct pass *march)
 {
 	const int *tile = march->tile, pixels = tile[2] * tile[3];
@@ -183,13 +184,17 @@ static void march_blocks(struct workspace *ws, const struct frame *f, const stru
 	cloud_history_bind(f, &pass);
 	pass.storage[BIND_CLOUD_LATTICE] = ws->cloud_lattice.id;
 	pass.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
-	struct pass reproject = pass, listed = pass;
+	struct pass agreeing = pass, reproject = pass, listed = pass;
 	pass.program = f->cloud_reprojection.blocks;
 	pass.threads[0] = blocks_across(tile[0], tile[2], 1) * blocks_across(tile[1], tile[3], 1);
 	passes_run(ws->passes, &pass);
-	reproject.name = "cloud-history";
+	agreeing.name = reproject.name = "cloud-history";
+	agreeing.program = f->cloud_reprojection.agreeing;
+	agreeing.threads[0] = blocks_across(tile[0], tile[2], 0) * blocks_across(tile[1], tile[3], 0);
+	passes_run(ws->passes, &agreeing);
 	reproject.program = f->cloud_reprojection.reproject;
-	reproject.threads[0] = blocks_across(tile[0], tile[2], 0) * blocks_across(tile[1], tile[3], 0);
+	reproject.indirect = ws->cloud_list.id;
+	reproject.indirect_at = 0;
 	passes_run(ws->passes, &reproject);
 	listed.program = f->cloud_reprojection.pixels;
 	listed.threads[0] = pixels;

@@ -1,6 +1,6 @@
 /*
  * What clouds take from the light below them, between the corners of the lattice's cells (cloud_lattice.glsl), for which
- * cloud_compose.comp has worked it out: smooth as long as all four rays end in the air. The others are listed for it, and
+ * cloud_compose.comp has worked it out: smooth as long as all four rays end in the air, and little next to what is seen. The others are listed for it, and
  * so are pixels with clouds, which alone have more to compose.
  */
 #include "cloud_lattice.glsl"
@@ -14,6 +14,14 @@ layout(std430, binding = BIND_CLOUD_SHADE) writeonly buffer Shade { vec4 shade[]
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
+
+const float MOST_CHANGE = 0.03; /* of the pixel's luminance, between corners */
+
+/* Luminance of what corner i takes. */
+float taken(int i)
+{
+	return dot(bands.to_rgb[1], lattice[i] + lattice[i + 1]);
+}
 
 void add_to_list(int which, int i)
 {
@@ -35,10 +43,13 @@ void main()
 	ivec4 corner = 3 * ivec4(at, at + 1, at + across, at + across + 1);
 	vec4 a = lattice[corner.x + 2], b = lattice[corner.y + 2], c = lattice[corner.z + 2], d = lattice[corner.w + 2];
 	bool near_ = min(dot(a.yzw, d.yzw), dot(b.yzw, c.yzw)) > 0.99, alike_ = all(equal(a.xxx, vec3(b.x, c.x, d.x)));
+	vec4 change = vec4(taken(corner.x), taken(corner.y), taken(corner.z), taken(corner.w));
+	vec2 most = max(change.xy, change.zw), least = min(change.xy, change.zw);
+	bool little = max(most.x, most.y) - min(least.x, least.y) <= MOST_CHANGE * radiance[i].g;
 	bool clear = !composed(light[i], direction[i]);
 	if (!clear)
 		add_to_list(CLOUD_LIST_COMPOSED, i);
-	if (!near_ || !alike_ || a.x == float(COURSE_TO_GROUND)) {
+	if (!near_ || !alike_ || !little || a.x == float(COURSE_TO_GROUND)) {
 		add_to_list(CLOUD_LIST_SHADED, i);
 		return;
 	}

@@ -46,7 +46,7 @@ vec3 cloud_sun_foot(vec3 q)
 /* Texture coordinates of a foot; neighbours of other levels don't bleed in. */
 vec3 cloud_sun_coordinates(vec3 foot, int level)
 {
-	float up = float(CLOUD_SUN_UP), h = clamp(cloud_height(foot.y) * up, 0.5, up - 0.5) + float(level) * up;
+	float up = float(CLOUD_SUN_UP), h = clamp((foot.y - clouds.bottom) / (clouds.top - clouds.bottom) * up, 0.5, up - 0.5) + float(level) * up;
 	return vec3((foot.xz - clouds.grid[level].xy) / (cloud_sun_cell(level) * float(CLOUD_SUN_ACROSS)), h / (up * float(CLOUD_GRID_LEVELS)));
 }
 
