@@ -302,11 +302,13 @@ static const struct welkin_field built_in[] = {
 		"of the uniform steps upwards as "
 		"level; early_exit: not behind what is opaque; empty_space: not where there are no clouds; "
 		"adaptive_steps: by distance and "
-		"optical depth instead of uniform; light_volume: the sun's depth by three samples and a grid instead of "
+		"optical depth instead of uniform; light_volume: the sun's depth by three samples and a grid instead "
+		"of "
 		"light_steps; "
 		"shared_light: one sun's depth for two samples; half_resolution: every fourth pixel both ways, the "
 		"others between them where "
-		"those agree, and likewise their shade in the air below, in images of 36,864 pixels or more; blue_noise: a first step that differs from pixel to "
+		"those agree, and likewise their shade in the air below, in images of 36,864 pixels or more; "
+		"blue_noise: a first step that differs from pixel to "
 		"pixel, so that steps don't "
 		"show as bands.",
 		cloud_savings, AT(clouds.savings) },

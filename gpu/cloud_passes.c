@@ -225,7 +225,8 @@ static void march_tile(struct workspace *ws, const struct frame *f, const struct
 		keep(ws, f, march);
 }
 
-/* What the march found, in colour, one batch: shade at cells' corners, then what lies between, then pixels with clouds. */
+/* What the march found, in colour, one batch: shade at cells' corners, then what lies between, then pixels with clouds.
+ */
 static void compose_tile(struct workspace *ws, const struct frame *f, const struct pass *compose)
 {
 	const int *tile = compose->tile;
@@ -239,8 +240,7 @@ static void compose_tile(struct workspace *ws, const struct frame *f, const stru
 	corners.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
 	corners.storage[BIND_CLOUD_SHADE] = ws->cloud_shade.id;
 	struct pass fill = corners, shaded = corners, composed = corners;
-	corners.threads[0] =
-		(lattice_across(tile[0], tile[2]) / 2 + 1) * (lattice_across(tile[1], tile[3]) / 2 + 1);
+	corners.threads[0] = (lattice_across(tile[0], tile[2]) / 2 + 1) * (lattice_across(tile[1], tile[3]) / 2 + 1);
 	fill.program = f->cloud_shade.fill;
 	shaded.samples[0] = 1;
 	shaded.indirect = composed.indirect = ws->cloud_list.id;

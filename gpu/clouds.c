@@ -87,7 +87,8 @@ static void set_offsets(struct CloudsBlock *block, const struct welkin_request *
 	const double risen = c->evolution_m_s * c->time_s;
 	const double side = cloud_grid_side(block, request->camera.altitude_m),
 		     step = ((double)block->top - (double)block->bottom) * rise_part;
-	/* cloud space begins at a corner of a cell, and its shapes at a step of their rise: what is worked out on grids lasts */
+	/* cloud space begins at a corner of a cell, and its shapes at a step of their rise: what is worked out on grids
+	 * lasts */
 	const double east = side * floor(air[0] / side), south = side * floor(air[1] / side),
 		     rise = step * floor(risen / step);
 	block->origin[0] = (float)(air[0] - east);

@@ -101,6 +101,7 @@ static bool chart(struct lib_renderer *renderer, const struct options *o)
 		"cpu ms", "faster", "by cpu", "RMSE %");
 	printf("%-22s %12.1f %12.1f %12.0f %8.1f %8.1f %8.2f\n", "none: 128 × 6", plain.march_ms, plain.colours_ms,
 		plain_cpu, 1.0, 1.0, 0.0);
+	fflush(stdout);
 	bool ok = true;
 	for (int i = 0; i < SAVINGS && ok; i++) {
 		snprintf(more + strlen(more), sizeof more - strlen(more), "%s%s", i ? "," : "", savings[i]);
