@@ -297,17 +297,18 @@ static const struct welkin_field built_in[] = {
 	{ "clouds.light_steps", WELKIN_TYPE_INT, "", 1, 32, "6", "Samples from each of them towards the sun.", NULL,
 		AT(clouds.light_steps) },
 	{ "clouds.savings", WELKIN_TYPE_FLAGS, "", 0, 0,
-		"steps_by_elevation,early_exit,empty_space,adaptive_steps,light_volume,half_resolution,blue_noise,"
-		"shared_light",
+		"steps_by_elevation,early_exit,empty_space,adaptive_steps,light_volume,half_resolution,blue_noise",
 		"What makes the march cheaper; an empty value switches all of it off. steps_by_elevation: half as many "
 		"of the uniform steps upwards as "
 		"level; early_exit: not behind what is opaque; empty_space: not where there are no clouds; "
 		"adaptive_steps: by distance and "
-		"optical depth instead of uniform; light_volume: the sun's depth by two samples and a grid instead of "
+		"optical depth instead of uniform; light_volume: the sun's depth by three samples and a grid instead "
+		"of "
 		"light_steps; "
 		"shared_light: one sun's depth for two samples; half_resolution: every fourth pixel both ways, the "
 		"others between them where "
-		"those agree, in images of 36,864 pixels or more; blue_noise: a first step that differs from pixel to "
+		"those agree, and likewise their shade in the air below, in images of 36,864 pixels or more; "
+		"blue_noise: a first step that differs from pixel to "
 		"pixel, so that steps don't "
 		"show as bands.",
 		cloud_savings, AT(clouds.savings) },

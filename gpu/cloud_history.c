@@ -98,6 +98,7 @@ static void overlook(struct CloudsBlock *to, const struct CloudsBlock *from)
 	const size_t offset = 3 * sizeof(float), flat = 2 * sizeof(float);
 	memcpy(to->east, from->east, sizeof to->east);
 	memcpy(to->south, from->south, sizeof to->south);
+	memcpy(to->origin, from->origin, sizeof to->origin);
 	memcpy(to->base, from->base, offset);
 	memcpy(to->detail, from->detail, offset);
 	memcpy(to->regions, from->regions, offset);

@@ -4,13 +4,18 @@
 #include <math.h>
 #include <string.h>
 
-void cloud_grid_place(struct CloudsBlock *block, const double moved_m[2], double camera_altitude_m)
+double cloud_grid_side(const struct CloudsBlock *block, double camera_altitude_m)
 {
 	const double height = ((double)block->top - (double)block->bottom) / CLOUD_GRID_UP;
 	/* cubes near the camera; from far above, where a pixel sees more than that, wider by powers of two, so that
 	 * light doesn't swim as the camera rises */
 	const double wanted = fmax(height, 0.01 * (camera_altitude_m - (double)block->top));
-	double side = height * exp2(ceil(log2(wanted / height) - 1e-9));
+	return height * exp2(ceil(log2(wanted / height) - 1e-9));
+}
+
+void cloud_grid_place(struct CloudsBlock *block, const double moved_m[2], double camera_altitude_m)
+{
+	double side = cloud_grid_side(block, camera_altitude_m);
 	for (int i = 0; i < CLOUD_GRID_LEVELS; i++) {
 		for (int axis = 0; axis < 2; axis++) {
 			const double inside = moved_m[axis] - side * floor(moved_m[axis] / side);
@@ -34,6 +39,7 @@ static void light_key(struct light_key *key, const struct scene *scene)
 {
 	memset(key, 0, sizeof *key);
 	key->clouds = scene->clouds;
+	memset(key->clouds.origin, 0, sizeof key->clouds.origin);
 	key->clouds.lighting = key->clouds.steps = key->clouds.light_steps = key->clouds.savings = 0;
 	memcpy(key->sun, scene->frame.sun_direction, sizeof key->sun);
 	memcpy(key->vertical, scene->frame.vertical, sizeof key->vertical);
@@ -59,6 +65,13 @@ enum table_state need_cloud_light(struct frame_tables *tables, const struct scen
 			.feedback = 1,
 			.threads = { CLOUD_GRID_ACROSS, CLOUD_GRID_ACROSS, CLOUD_GRID_LEVELS } },
 		{ .name = "cloud_light", .unit = UNIT_CLOUD_LIGHT, .internal_format = GL_RGBA32F, CLOUD_GRID_SIZE },
+		{ .name = "cloud_sun",
+			.unit = UNIT_CLOUD_SUN,
+			.internal_format = GL_R32F,
+			.width = CLOUD_SUN_ACROSS,
+			.height = CLOUD_SUN_ACROSS,
+			.depth = CLOUD_SUN_UP * CLOUD_GRID_LEVELS,
+			.threads = { CLOUD_SUN_ACROSS, CLOUD_SUN_ACROSS, CLOUD_GRID_LEVELS } },
 	};
 	struct light_key key;
 	light_key(&key, scene);

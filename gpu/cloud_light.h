@@ -6,9 +6,12 @@
 /* Light in clouds (shaders/cloud_light.glsl): grids around the camera, extinction averaged over their cells, what the
  * cells see, and diffuse light for a sun, a sky and a ground of unit strength, which do not depend on bands. */
 
-/* Fills block->grid. moved_m: how far, in double, the clouds' frame has moved from the world's origin, east and south
- * (wind and camera); bottom and top must be there. Cells stay where they are in that frame, whatever the camera does,
- * so light does not swim. */
+/* Side of the finest cells in m; bottom and top must be there. */
+double cloud_grid_side(const struct CloudsBlock *block, double camera_altitude_m);
+
+/* Fills block->grid. moved_m: how far, in double, the origin of cloud space has moved from the world's origin, east and
+ * south (wind and camera), by whole cells; bottom and top must be there. Cells stay where they are in that frame,
+ * whatever the camera does, so light does not swim. */
 void cloud_grid_place(struct CloudsBlock *block, const double moved_m[2], double camera_altitude_m);
 
 /* UNIT_CLOUD_LIGHT, and the tables it is made from, out of the noise and weather that are bound, for the sun of the

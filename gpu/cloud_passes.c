@@ -55,7 +55,8 @@ static bool choose_reprojection(struct workspace *ws, struct frame *f, const cha
 {
 	static const char pass[] = "cloud-history";
 	const struct choice programs[] = { { &f->cloud_reprojection.blocks, "clouds.comp", CLOUD_RAYS_BLOCKS },
-		{ &f->cloud_reprojection.reproject, "cloud_reproject.comp", CLOUD_RAYS_BLOCKS },
+		{ &f->cloud_reprojection.agreeing, "cloud_reproject.comp", CLOUD_RAYS_BLOCKS },
+		{ &f->cloud_reprojection.reproject, "cloud_reproject.comp", CLOUD_RAYS_PIXELS },
 		{ &f->cloud_reprojection.pixels, "clouds.comp", CLOUD_RAYS_PIXELS },
 		{ &f->cloud_reprojection.keep, "cloud_keep.comp", CLOUD_RAYS_BLOCKS } };
 	if (!f->job.request.clouds.reprojection)
@@ -71,6 +72,22 @@ static bool choose_reprojection(struct workspace *ws, struct frame *f, const cha
 	else
 		return choose(ws, f, programs, sizeof programs / sizeof programs[0], choices, err);
 	return true;
+}
+
+/* Shade on the ground and in the air, for one pixel of sixteen where it is smooth. */
+static bool choose_shade(struct workspace *ws, struct frame *f, const char *compose, struct error *err)
+{
+	char rays[96], there[96], fill[96];
+	const int projection = f->job.request.image.projection;
+	if (!by_fewer_rays(f) || projection == WELKIN_CUBEMAP ||
+		!(f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION))
+		return true;
+	snprintf(rays, sizeof rays, "%sPROJECTION=%d SHADE=%d", compose, projection, SHADE_OF_RAYS);
+	snprintf(fill, sizeof fill, "%sPROJECTION=%d", compose, projection);
+	snprintf(there, sizeof there, "%sSHADE=%d", compose, SHADE_THERE);
+	return (f->cloud_shade.rays = programs_get(ws->programs, "cloud_compose.comp", rays, err)) &&
+	       (f->cloud_shade.compose = programs_get(ws->programs, "cloud_compose.comp", there, err)) &&
+	       (f->cloud_shade.fill = programs_get(ws->programs, "cloud_shade.comp", fill, err));
 }
 
 /* Points of a tile's lattice along an axis; cloud_lattice.glsl. */
@@ -103,7 +120,8 @@ bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error 
 	snprintf(choices, sizeof choices, "LIGHTING=%d SAVINGS=%u %s", clouds->lighting, clouds->savings, surfaces);
 	return (f->clouds = programs_get(ws->programs, "clouds.comp", choices, err)) &&
 	       (f->compose = programs_get(ws->programs, "cloud_compose.comp", compose, err)) &&
-	       choose_lattice(ws, f, choices, err) && choose_reprojection(ws, f, choices, err);
+	       choose_shade(ws, f, compose, err) && choose_lattice(ws, f, choices, err) &&
+	       choose_reprojection(ws, f, choices, err);
 }
 
 /* Points of a tile's lattice, at most; cloud_lattice.glsl. */
@@ -123,7 +141,8 @@ bool clouds_reserve(struct workspace *ws, const struct frame *f, int pixels, str
 	return workspace_reserve(&ws->cloud_light, sides * size, false, err) &&
 	       workspace_reserve(&ws->cloud_place, sides * size, false, err) &&
 	       (!layered(f) || workspace_reserve(&ws->cloud_layer, 2 * size, false, err)) &&
-	       (!(f->cloud_lattice.corners || f->cloud_reprojection.blocks) ||
+	       (!f->cloud_shade.rays || workspace_reserve(&ws->cloud_shade, 2 * size, false, err)) &&
+	       (!(f->cloud_shade.rays || f->cloud_lattice.corners || f->cloud_reprojection.blocks) ||
 		       (workspace_reserve(&ws->cloud_lattice, points * 8 * sizeof(float), false, err) &&
 			       workspace_reserve(
 				       &ws->cloud_list, (points + CLOUD_LIST_FIRST) * sizeof(uint), false, err)));
@@ -157,7 +176,7 @@ static void march_lattice(struct workspace *ws, const struct frame *f, const str
 	}
 }
 
-/* One pixel of each block, then the others from the frame before, marched where it does not show them. */
+/* One pixel of each block, then the others between those or from the frame before, marched where neither shows them. */
 static void march_blocks(struct workspace *ws, const struct frame *f, const struct pass *march)
 {
 	const int *tile = march->tile, pixels = tile[2] * tile[3];
@@ -165,13 +184,17 @@ static void march_blocks(struct workspace *ws, const struct frame *f, const stru
 	cloud_history_bind(f, &pass);
 	pass.storage[BIND_CLOUD_LATTICE] = ws->cloud_lattice.id;
 	pass.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
-	struct pass reproject = pass, listed = pass;
+	struct pass agreeing = pass, reproject = pass, listed = pass;
 	pass.program = f->cloud_reprojection.blocks;
 	pass.threads[0] = blocks_across(tile[0], tile[2], 1) * blocks_across(tile[1], tile[3], 1);
 	passes_run(ws->passes, &pass);
-	reproject.name = "cloud-history";
+	agreeing.name = reproject.name = "cloud-history";
+	agreeing.program = f->cloud_reprojection.agreeing;
+	agreeing.threads[0] = blocks_across(tile[0], tile[2], 0) * blocks_across(tile[1], tile[3], 0);
+	passes_run(ws->passes, &agreeing);
 	reproject.program = f->cloud_reprojection.reproject;
-	reproject.threads[0] = blocks_across(tile[0], tile[2], 0) * blocks_across(tile[1], tile[3], 0);
+	reproject.indirect = ws->cloud_list.id;
+	reproject.indirect_at = 0;
 	passes_run(ws->passes, &reproject);
 	listed.program = f->cloud_reprojection.pixels;
 	listed.threads[0] = pixels;
@@ -202,6 +225,34 @@ static void march_tile(struct workspace *ws, const struct frame *f, const struct
 		keep(ws, f, march);
 }
 
+/* What the march found, in colour, one batch: shade at cells' corners, then what lies between, then pixels with clouds.
+ */
+static void compose_tile(struct workspace *ws, const struct frame *f, const struct pass *compose)
+{
+	const int *tile = compose->tile;
+	if (!f->cloud_shade.rays || f->stage != FRAME_STRIPS) {
+		passes_run(ws->passes, compose);
+		return;
+	}
+	struct pass corners = *compose;
+	corners.program = f->cloud_shade.rays;
+	corners.storage[BIND_CLOUD_LATTICE] = ws->cloud_lattice.id;
+	corners.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
+	corners.storage[BIND_CLOUD_SHADE] = ws->cloud_shade.id;
+	struct pass fill = corners, shaded = corners, composed = corners;
+	corners.threads[0] = (lattice_across(tile[0], tile[2]) / 2 + 1) * (lattice_across(tile[1], tile[3]) / 2 + 1);
+	fill.program = f->cloud_shade.fill;
+	shaded.samples[0] = 1;
+	shaded.indirect = composed.indirect = ws->cloud_list.id;
+	shaded.indirect_at = CLOUD_LIST_SHADED * CLOUD_LIST_HEAD * (int)sizeof(uint);
+	composed.indirect_at = CLOUD_LIST_COMPOSED * CLOUD_LIST_HEAD * (int)sizeof(uint);
+	composed.program = f->cloud_shade.compose;
+	passes_run(ws->passes, &corners);
+	passes_run(ws->passes, &fill);
+	passes_run(ws->passes, &shaded);
+	passes_run(ws->passes, &composed);
+}
+
 void clouds_run(struct workspace *ws, const struct frame *f, const int tile[4], unsigned radiance,
 	unsigned transmittance, unsigned directions)
 {
@@ -224,6 +275,6 @@ void clouds_run(struct workspace *ws, const struct frame *f, const int tile[4], 
 	const int first = spectral ? f->batch : 0, last = spectral ? f->batch : f->scene.n_batches - 1;
 	for (compose.batch = first; compose.batch <= last; compose.batch++) {
 		frame_tables(ws, f, compose.batch, NULL);
-		passes_run(ws->passes, &compose);
+		compose_tile(ws, f, &compose);
 	}
 }

@@ -74,27 +74,39 @@ static void set_regions(struct CloudsBlock *block, const double at_m[2], double 
 	block->regions[3] = 3.2f; /* five regions or so */
 }
 
+/* Steps in which shapes rise, of the layer's height: a tenth of a cell of the grids. */
+static const double rise_part = 0.1 / CLOUD_GRID_UP;
+
 static void set_offsets(struct CloudsBlock *block, const struct welkin_request *request)
 {
 	const struct welkin_clouds *c = &request->clouds;
 	double at[2];
 	footprint(request, at);
 	const double heading = c->wind_heading_deg * (M_PI / 180), moved = c->wind_speed_m_s * c->time_s;
-	const double east = at[0] - moved * sin(heading), south = at[1] + moved * cos(heading);
-	const double risen = -c->evolution_m_s * c->time_s;
+	const double air[2] = { at[0] - moved * sin(heading), at[1] + moved * cos(heading) };
+	const double risen = c->evolution_m_s * c->time_s;
+	const double side = cloud_grid_side(block, request->camera.altitude_m),
+		     step = ((double)block->top - (double)block->bottom) * rise_part;
+	/* cloud space begins at a corner of a cell, and its shapes at a step of their rise: what is worked out on grids
+	 * lasts */
+	const double east = side * floor(air[0] / side), south = side * floor(air[1] / side),
+		     rise = step * floor(risen / step);
+	block->origin[0] = (float)(air[0] - east);
+	block->origin[1] = (float)(risen - rise);
+	block->origin[2] = (float)(air[1] - south);
 	const struct {
 		float *to;
 		double side_m, rise_m;
 		int flat;
-	} textures[] = { { block->base, c->base_scale_m, risen, 0 }, { block->detail, c->detail_scale_m, 2 * risen, 0 },
+	} textures[] = { { block->base, c->base_scale_m, -rise, 0 }, { block->detail, c->detail_scale_m, -2 * rise, 0 },
 		{ block->weather, c->weather_scale_m, 0, 1 }, { block->curl, c->curl_scale_m, 0, 1 },
 		{ block->high, c->high_scale_m, 0, 1 } };
 	for (size_t i = 0; i < sizeof textures / sizeof textures[0]; i++) {
-		const double side = textures[i].side_m;
-		textures[i].to[0] = wrapped(east, side);
-		textures[i].to[1] = textures[i].flat ? wrapped(south, side) : wrapped(textures[i].rise_m, side);
-		textures[i].to[2] = textures[i].flat ? 0 : wrapped(south, side);
-		textures[i].to[3] = (float)(1 / side);
+		const double period = textures[i].side_m;
+		textures[i].to[0] = wrapped(east, period);
+		textures[i].to[1] = textures[i].flat ? wrapped(south, period) : wrapped(textures[i].rise_m, period);
+		textures[i].to[2] = textures[i].flat ? 0 : wrapped(south, period);
+		textures[i].to[3] = (float)(1 / period);
 	}
 	set_regions(block, (const double[2]){ east, south }, c->weather_scale_m);
 	block->weather[2] = (float)c->coverage;
@@ -347,6 +359,7 @@ static enum table_state need_majorant(struct frame_tables *tables, const struct 
 	struct CloudsBlock key = *clouds;
 	key.lighting = key.steps = key.light_steps = key.savings = 0;
 	memset(key.grid, 0, sizeof key.grid);
+	key.origin[0] = key.origin[2] = 0;
 	return tables_need(tables, &majorant, &key, sizeof key, 0, err);
 }
 

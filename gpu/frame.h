@@ -34,7 +34,10 @@ struct frame {
 		const struct program *corners, *fill_lattice, *lattice, *fill_pixels, *pixels;
 	} cloud_lattice; /* NULL where every pixel is marched */
 	struct {
-		const struct program *blocks, *reproject, *pixels, *keep;
+		const struct program *rays, *fill, *compose;
+	} cloud_shade; /* NULL where it is worked out pixel by pixel */
+	struct {
+		const struct program *blocks, *agreeing, *reproject, *pixels, *keep;
 	} cloud_reprojection;          /* NULL where no frame comes before or after */
 	bool begun;                    /* its first slice */
 	struct cloud_history *history; /* cloud_history.h */

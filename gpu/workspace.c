@@ -69,7 +69,7 @@ void workspace_finish(struct workspace *ws)
 {
 	struct buffer *buffers[] = { &ws->surface, &ws->groups, &ws->rays, &ws->radiance, &ws->inscatter,
 		&ws->transmittance, &ws->output, &ws->counters, &ws->cloud_light, &ws->cloud_place, &ws->cloud_layer,
-		&ws->cloud_lattice, &ws->cloud_list, &ws->meter, &ws->samples, &ws->sample_layers,
+		&ws->cloud_lattice, &ws->cloud_list, &ws->cloud_shade, &ws->meter, &ws->samples, &ws->sample_layers,
 		&ws->sample_transmittance, &ws->paths, &ws->directions, &ws->spectral_L, &ws->spectral_T };
 	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
 		workspace_release(buffers[i]);

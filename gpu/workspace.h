@@ -52,7 +52,7 @@ struct workspace {
 	struct buffer rays, radiance, inscatter, transmittance; /* device only */
 	struct buffer output, counters;                         /* mapped */
 	struct buffer cloud_light, cloud_place, cloud_layer;    /* device only */
-	struct buffer cloud_lattice, cloud_list;                /* device only */
+	struct buffer cloud_lattice, cloud_list, cloud_shade;   /* device only */
 	struct buffer surface, groups; /* device only: records of the strip's pixels; their lists */
 	struct raster raster;
 	struct buffer meter;                              /* mapped */

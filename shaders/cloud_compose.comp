@@ -11,15 +11,33 @@
 #ifdef SURFACES
 #include "shadow.glsl"
 #endif
+#if defined SHADE && SHADE == SHADE_OF_RAYS
+#include "cloud_lattice.glsl"
+#endif
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BATCH) uniform int batch;
-layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
+#ifndef SHADE
+#define SHADE SHADE_HERE
+#endif
+#if SHADE == SHADE_OF_RAYS
+layout(location = LOCATION_SAMPLES) uniform ivec4 samples; /* x: 0 for the corners of the lattice's cells, 1 for the pixels listed */
+layout(std430, binding = BIND_CLOUD_LATTICE) writeonly buffer Lattice { vec4 lattice[]; };
+layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
+#else
+#if SHADE == SHADE_THERE
+layout(std430, binding = BIND_CLOUD_LIST) readonly buffer List { uint list[]; };
+#endif
 layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
+#endif
+#if SHADE != SHADE_HERE
+layout(std430, binding = BIND_CLOUD_SHADE) buffer Shade { vec4 shade[]; };
+#endif
 #ifdef CLOUD_LAYER
 layout(std430, binding = BIND_CLOUD_LAYER) buffer CloudLayer { vec4 cloud_layer[]; };
 #endif
+layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer Place { vec4 place[]; };
@@ -37,29 +55,82 @@ void ground_irradiance(vec3 q, vec3 d_sun, int least, out vec4 clear, out vec4 c
 	clouded = (sun * (max(mu_s, 0.0) * seen.x + seen.y) + sky * seen.z) / (1.0 - min(bands.ground_albedo * seen.w, 0.99));
 }
 
-/* What the clouds take from the light of the air below them, and from the ground's, along the ray: negative where they shade. */
-vec4 shaded(vec3 d, float t_end, float through, float jitter)
+/* What the clouds take from the light of the air below them, and from the ground's, along a ray, negative where they shade: in
+ * front of the clouds on it, and behind them. */
+struct Shaded {
+	vec4 open, behind;
+};
+
+Shaded shaded_along(vec3 d, float t_end)
 {
+	Shaded none = Shaded(vec4(0.0), vec4(0.0));
 	CloudRay ray = cloud_ray(d, frame.vertical.xyz, frame.camera_altitude);
 	vec2 under = cloud_below(ray, clouds.bottom);
 	if (ray.start < 0.0 || under.y <= under.x || clouds.weather.z <= 0.0)
-		return vec4(0.0);
+		return none;
 	float ground = ray_ground_distance(ray.h, ray.mu);
 	if (ground >= 0.0)
 		under.y = min(under.y, ray.start + ground);
 	under.y = min(under.y, t_end);
 	if (under.y <= under.x)
-		return vec4(0.0);
+		return none;
 	vec4 near_L, near_T, far_L, far_T;
 	aerial_perspective(d, under.x, near_L, near_T);
 	aerial_perspective(d, under.y, far_L, far_T);
-	vec4 change = (cloud_air_light(ray, under, jitter) - 1.0) * max(far_L - near_L, 0.0);
+	vec4 change = (cloud_air_light(ray, under) - 1.0) * max(far_L - near_L, 0.0);
 	if (ground >= 0.0 && t_end > ray.start + ground && (frame.features & FEATURE_GROUND) != 0) {
 		vec4 clear, clouded;
 		ground_irradiance(cloud_point(ray, under.y), frame.sun_direction.xyz, 0, clear, clouded);
 		change += far_T * bands.ground_albedo * bands.sun_irradiance * (clouded - clear) / PI;
 	}
-	return change * (under.x > 0.0 ? through : 1.0);
+	return under.x > 0.0 ? Shaded(vec4(0.0), change) : Shaded(change, vec4(0.0));
+}
+
+#if SHADE == SHADE_OF_RAYS
+/* Rays of one course go through the same parts of the air, above, within and below the layer. */
+int course(vec3 d)
+{
+	CloudRay ray = cloud_ray(d, frame.vertical.xyz, frame.camera_altitude);
+	vec2 below = cloud_below(ray, clouds.bottom), within = cloud_below(ray, clouds.top);
+	if (ray.start < 0.0)
+		return COURSE_NO_AIR;
+	return ray_ground_distance(ray.h, ray.mu) >= 0.0 ? COURSE_TO_GROUND : COURSE_IN_AIR + int(below.y > below.x) + int(within.y > within.x);
+}
+
+/* For cloud_shade.comp: of the corners of the lattice's cells, and of what it listed. */
+void main()
+{
+	int i = int(gl_GlobalInvocationID.x);
+	bool listed = samples.x != 0;
+	ivec2 count = lattice_size(tile) / 2 + 1, own = ivec2(i % count.x, i / count.x);
+	if (!listed && i == 0)
+		for (int k = 0; k < CLOUD_LIST_FIRST; k++)
+			list[k] = k % CLOUD_LIST_HEAD == 1 || k % CLOUD_LIST_HEAD == 2 ? 1u : 0u;
+	if (i >= (listed ? int(list[CLOUD_LIST_HEAD + 3]) : count.x * count.y))
+		return;
+	int at = listed ? int(list[CLOUD_LIST_FIRST + i]) : i;
+	vec3 d = pixel_direction(listed ? tile.xy + ivec2(at % tile.z, at / tile.z) : lattice_pixel(tile, 2 * own)).xyz;
+	Shaded s = shaded_along(d, NO_SURFACE);
+	if (listed) {
+		shade[2 * at] = s.open;
+		shade[2 * at + 1] = s.behind;
+		/* the others are composed */
+		if (!composed(light[at], direction[at]))
+			radiance[at].rgb += to_rgb(s.open + s.behind);
+	} else {
+		lattice[3 * at] = s.open;
+		lattice[3 * at + 1] = s.behind;
+		lattice[3 * at + 2] = vec4(float(course(d)), d);
+	}
+}
+#else
+Shaded shaded_pixel(int i, vec3 d, float t_end)
+{
+#if SHADE == SHADE_THERE
+	return Shaded(shade[2 * i], shade[2 * i + 1]);
+#else
+	return shaded_along(d, t_end);
+#endif
 }
 
 /* Share that light from below a cloud at distance t has of what it is under a clear sky: the ground there is in the shadow of this cloud
@@ -104,7 +175,7 @@ struct Before {
 	vec4 own, shaded;
 };
 
-Before before_side(vec3 d, vec4 answer, vec4 where, float t_end)
+Before before_side(int i, vec3 d, vec4 answer, vec4 where, float t_end)
 {
 	/* the air in front, by the two distances that share mean and variance with the clouds' opacity */
 	vec4 near_L, near_T, far_L, far_T;
@@ -115,7 +186,8 @@ Before before_side(vec3 d, vec4 answer, vec4 where, float t_end)
 	b.away = where.x;
 	b.own = 0.5 * (near_T + far_T) * bands.sun_irradiance * cloud_radiance(d, answer, where.z, sunlit(d, where.z)) +
 		(1.0 - answer.x) * 0.5 * (near_L + far_L);
-	b.shaded = shaded(d, t_end, answer.x, 0.5);
+	Shaded change = shaded_pixel(i, d, t_end);
+	b.shaded = change.open + answer.x * change.behind;
 	return b;
 }
 
@@ -133,8 +205,14 @@ void add_to_layer(int i, vec3 rgb, float T, float away)
 void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
+#if SHADE == SHADE_THERE
+	if (i >= int(list[CLOUD_LIST_COMPOSED * CLOUD_LIST_HEAD + 3]))
+		return;
+	i = int(list[CLOUD_LIST_FIRST + tile.z * tile.w + i]);
+#else
 	if (i >= tile.z * tile.w)
 		return;
+#endif
 	bool spectral = (frame.features & FEATURE_SPECTRAL) != 0;
 	vec4 at = direction[spectral ? tile.x + i : i];
 	if (at.w < 0.0) {
@@ -147,7 +225,7 @@ void main()
 	do {
 		int k = i + side * tile.z * tile.w;
 		float share = side_share(i, side);
-		Before b = before_side(at.xyz, light[k], place[k], side_distance(i, side));
+		Before b = before_side(i, at.xyz, light[k], place[k], side_distance(i, side));
 		behind = side == SIDE_SKY ? b.T : behind;
 		T += share * b.T;
 		own += share * b.own;
@@ -166,3 +244,4 @@ void main()
 	if ((frame.features & (FEATURE_SUN_DISK | FEATURE_LAYERS)) != 0)
 		transmittance[i].rgb *= through;
 }
+#endif

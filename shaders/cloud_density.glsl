@@ -1,6 +1,6 @@
 /*
  * Where clouds are and how thick. Cloud space is flat: q = (x, h, z) with x east and z south along the ground from
- * below the camera, in m, and h the altitude, so that a layer between two shells is one between two planes.
+ * near below the camera, in m, and h the altitude, so that a layer between two shells is one between two planes.
  *
  * The density follows Schneider & Vos 2015 and Schneider 2017 as the Brno thesis (2020) has them: a base shape of
  * Perlin–Worley noise, remapped by the fBm of its finer channels; a profile over height by type; remapped by the weather
@@ -45,7 +45,7 @@ vec3 cloud_point(CloudRay ray, float t)
 {
 	float R = media.planet_radius, from = t - ray.start;
 	float along = R * (ray.angle + atan(ray.sine * from, R + ray.h + ray.mu * from));
-	return vec3(ray.azimuth.x * along, altitude_at(ray.h, ray.mu, from), ray.azimuth.y * along);
+	return vec3(ray.azimuth.x * along, altitude_at(ray.h, ray.mu, from), ray.azimuth.y * along) + vec3(clouds.origin.x, 0.0, clouds.origin.z);
 }
 
 /* Distances from the camera between which the ray is below altitude H, x >= y where nowhere. */
@@ -75,6 +75,11 @@ vec3 cloud_direction(vec3 d, vec3 up, vec3 q)
 }
 
 /* ---- density ---- */
+
+/* Tables of light know shapes before they rose. */
+#ifndef CLOUD_RISEN
+#define CLOUD_RISEN clouds.origin.y
+#endif
 
 float cloud_ramp(float x, float a, float b)
 {
@@ -181,7 +186,7 @@ float cloud_shape_unbounded(vec3 q, vec4 weather)
 		return cloud_slab(q);
 	float height = cloud_height(q.y);
 	vec2 sheared = q.xz - vec2(clouds.shear_east, clouds.shear_south) * height;
-	vec4 n = textureLod(cloud_base_texture, vec3(sheared.x, q.y, sheared.y) * clouds.base.w + clouds.base.xyz, 0.0);
+	vec4 n = textureLod(cloud_base_texture, vec3(sheared.x, q.y - CLOUD_RISEN, sheared.y) * clouds.base.w + clouds.base.xyz, 0.0);
 	float fbm = dot(n.gba, vec3(0.625, 0.25, 0.125));
 	float shape = clamp((n.r - (fbm - 1.0)) / (2.0 - fbm), 0.0, 1.0);
 	vec2 e = cloud_envelope(height, weather);
@@ -197,7 +202,7 @@ float cloud_eroded(vec3 q, float shape)
 {
 	float height = cloud_height(q.y);
 	vec3 swirl = textureLod(cloud_curl_texture, q.xz * clouds.curl.w + clouds.curl.xy, 0.0).rgb * 2.0 - 1.0;
-	vec3 at = q + swirl * (clouds.curl.z * (1.0 - height));
+	vec3 at = q + swirl * (clouds.curl.z * (1.0 - height)) - vec3(0.0, 2.0 * CLOUD_RISEN, 0.0);
 	vec3 n = textureLod(cloud_detail_texture, at * clouds.detail.w + clouds.detail.xyz, 0.0).rgb;
 	float fbm = dot(n, vec3(0.625, 0.25, 0.125));
 	float bite = mix(fbm, 1.0 - fbm, clamp(height * 8.0, 0.0, 1.0)) * clouds.detail_strength;

@@ -4,6 +4,7 @@
  */
 #include "cloud_high.glsl"
 #include "cloud_light.glsl"
+#include "cloud_sun.glsl"
 
 /* Chosen when the program is built, where the renderer does so. */
 #ifndef LIGHTING
@@ -68,10 +69,16 @@ vec3 artistic_source(vec3 q, float sun_depth, float nu)
 	return clouds.albedo * vec3(2.0 * beer * powder * phase, vec2(0.35 + 0.65 * height, 0.3 * (1.0 - height)) * 0.5);
 }
 
-/* Optical depth towards the sun. */
-float sun_depth_at(vec3 q, vec3 to_sun)
+const float SUN_REACH = 6.0; /* cells of the table: it blurs what is nearer */
+
+/* Optical depth towards the sun; sigma: extinction at q. What is near by Radau's three points, the first of which is q. */
+float sun_depth_at(vec3 q, vec3 to_sun, float sigma)
 {
-	return saves(SAVE_LIGHT_VOLUME) ? cloud_light_sun_depth(q, to_sun, 2) : cloud_sun_depth(q, to_sun);
+	if (!saves(SAVE_LIGHT_VOLUME))
+		return cloud_sun_depth(q, to_sun);
+	float reach = SUN_REACH * cloud_sun_crossing(to_sun, q);
+	float second = cloud_extinction(q + to_sun * (0.3550510 * reach), 1), third = cloud_extinction(q + to_sun * (0.8449490 * reach), 1);
+	return reach * (sigma / 9.0 + 0.5124858 * second + 0.3764031 * third) + cloud_sun_depth_there(q + to_sun * reach);
 }
 
 vec3 cloud_source(March m, vec3 q, float depth, float nu)
@@ -130,8 +137,9 @@ void march_uniform(inout March m, Stretch s)
 			t += step_;
 			q = cloud_point(s.ray, t);
 		}
-		float middle = t + 0.5 * float(every - 1) * step_, sun_depth = sun_depth_at(cloud_point(s.ray, middle), to_sun_at(s, middle));
-		march_add(m, t, cloud_extinction(q, 1) * step_, cloud_source(m, q, sun_depth, s.nu));
+		float sigma = cloud_extinction(q, 1), middle = t + 0.5 * float(every - 1) * step_;
+		float sun_depth = sun_depth_at(cloud_point(s.ray, middle), to_sun_at(s, middle), sigma);
+		march_add(m, t, sigma * step_, cloud_source(m, q, sun_depth, s.nu));
 		if (saves(SAVE_SHARED_LIGHT) && i + 1 < n) {
 			q = cloud_point(s.ray, t + step_);
 			march_add(m, t + step_, cloud_extinction(q, 1) * step_, cloud_source(m, q, sun_depth, s.nu));
@@ -216,15 +224,17 @@ void march_adaptive(inout March m, Stretch s)
 		Sample p = sample_at(s, t, step_);
 		if (saves(SAVE_EMPTY_SPACE))
 			p = next_cloud(s, t, step_, left);
-		float lit = p.t + (saves(SAVE_SHARED_LIGHT) ? 0.5 * p.span : 0.0);
-		float sun_depth = sun_depth_at(cloud_point(s.ray, lit), to_sun_at(s, lit));
+		float sigma = cloud_extinction_of(p.q, p.weather, p.shape), lit = p.t + (saves(SAVE_SHARED_LIGHT) ? 0.5 * p.span : 0.0);
+		float sun_depth = sun_depth_at(cloud_point(s.ray, lit), to_sun_at(s, lit), sigma);
 		for (int i = 0; i < (saves(SAVE_SHARED_LIGHT) ? 2 : 1); i++) {
-			float sigma = cloud_extinction_of(p.q, p.weather, p.shape), within = clamp(s.end - t, 0.0, p.span);
+			float within = clamp(s.end - t, 0.0, p.span);
 			march_add(m, p.t, sigma * within, cloud_source(m, p.q, sun_depth, s.nu));
 			t += p.span;
 			step_ = next_step(m, sigma, coarse_step(s, t));
-			if (saves(SAVE_SHARED_LIGHT) && i == 0)
+			if (saves(SAVE_SHARED_LIGHT) && i == 0) {
 				p = sample_at(s, t, step_);
+				sigma = cloud_extinction_of(p.q, p.weather, p.shape);
+			}
 			dense--;
 		}
 		if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE)

@@ -52,7 +52,7 @@ vec3 flight_point(Flight f, float t)
 	float R = media.planet_radius;
 	vec3 p = f.from.up * (R + f.from.h) + f.from.d * t;
 	float across = length(p.xz), along = across > 0.0 ? R * atan(across, p.y) / across : 0.0;
-	return vec3(p.x * along, altitude_at(f.from.h, f.mu, t), p.z * along);
+	return vec3(p.x * along, altitude_at(f.from.h, f.mu, t), p.z * along) + vec3(clouds.origin.x, 0.0, clouds.origin.z);
 }
 
 /* Distances between which a ray is below altitude H, x >= y where nowhere. */

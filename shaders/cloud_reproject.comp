@@ -1,9 +1,15 @@
 /*
- * Clouds of the pixels that a frame of a sequence does not march (cloud_history.glsl): from the frame before, where it showed the same
- * place, within what the marched pixels around allow; else between those, where they agree; clouds.comp marches the rest.
+ * Clouds of the pixels that a frame of a sequence does not march (cloud_history.glsl): between those that it does, where all of them
+ * around agree well; else from the frame before, where it showed the same place, within what they allow; else between those next
+ * to the pixel, where these agree at all; clouds.comp marches the rest.
  */
 #include "cloud_density.glsl"
 #include "cloud_history.glsl"
+
+/* CLOUD_RAYS_BLOCKS: all blocks; it lists those around which what is marched does not agree well. CLOUD_RAYS_PIXELS: these. */
+#ifndef RAYS
+#define RAYS CLOUD_RAYS_PIXELS
+#endif
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
@@ -18,6 +24,7 @@ layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]
 
 const float CLIP = 1.75;   /* standard deviations that what was there may lie off the mean of what is marched around: 1 blurs, 4 lets ghosts through */
 const float ASTRAY = 1.5;  /* pixels that it may have come from beside where this frame takes it from */
+const float WELL = 0.5;    /* of what neighbours may differ by, for a block that is interpolated without a look at the frame before */
 const float NOTHING = 0.02; /* opacity below which a distance says nothing */
 
 Sight marched(ivec2 block)
@@ -27,17 +34,37 @@ Sight marched(ivec2 block)
 	return Sight(lattice[at], lattice[at + 1]);
 }
 
-/* Mean and standard deviation of what the blocks around were found to show. */
-void around(ivec2 block, out vec4 mean, out vec4 deviation)
+/* What the blocks around were found to show: mean, standard deviation, least and most; all but the mean of place in x alone. */
+struct Around {
+	vec4 mean, deviation;
+	vec2 shown, through, away; /* least and most */
+};
+
+vec2 extend(vec2 range_, float x)
 {
-	vec4 sum = vec4(0.0), square = vec4(0.0);
+	return vec2(min(range_.x, x), max(range_.y, x));
+}
+
+Around around(ivec2 block)
+{
+	Around a = Around(vec4(0.0), vec4(0.0), vec2(1e30, -1e30), vec2(1e30, -1e30), vec2(1e30, -1e30));
+	vec4 square = vec4(0.0);
 	for (int k = 0; k < 9; k++) {
-		vec4 x = marched(block + ivec2(k % 3, k / 3) - 1).light;
-		sum += x;
-		square += x * x;
+		Sight s = marched(block + ivec2(k % 3, k / 3) - 1);
+		a.mean += s.light / 9.0;
+		square += s.light * s.light / 9.0;
+		a.shown = extend(a.shown, shown(s.light));
+		a.through = extend(a.through, s.light.x);
+		a.away = extend(a.away, s.place.x);
 	}
-	mean = sum / 9.0;
-	deviation = sqrt(max(square / 9.0 - mean * mean, 0.0));
+	a.deviation = sqrt(max(square - a.mean * a.mean, 0.0));
+	return a;
+}
+
+bool agree_well(Around a)
+{
+	vec3 range_ = vec3(a.shown.y - a.shown.x, a.through.y - a.through.x, a.away.y - a.away.x);
+	return all(lessThanEqual(range_, WELL * vec3(ALIKE * shown(a.mean), ALIKE_THROUGH, ALIKE_DISTANCE * a.away.y)));
 }
 
 /* Where clouds would be seen first, if there were any. */
@@ -116,11 +143,12 @@ bool remember(vec4 d, float t, out Sight then)
 	return same_place;
 }
 
-void add_to_list(int at)
+void add_to_list(int which, int first, int at)
 {
-	uint i = atomicAdd(list[CLOUD_LIST_HEAD + 3], 1u);
-	list[CLOUD_LIST_FIRST + i] = uint(at);
-	atomicMax(list[CLOUD_LIST_HEAD], i / WORKGROUP_LINE + 1u);
+	int head = which * CLOUD_LIST_HEAD;
+	uint i = atomicAdd(list[head + 3], 1u);
+	list[CLOUD_LIST_FIRST + first + int(i)] = uint(at);
+	atomicMax(list[head], i / WORKGROUP_LINE + 1u);
 }
 
 void show(int i, Sight s)
@@ -129,48 +157,68 @@ void show(int i, Sight s)
 	place[i] = s.place;
 }
 
-/* A pixel that was not marched. */
-void fill(ivec2 pixel, int i, vec4 mean, vec4 deviation)
+#if RAYS == CLOUD_RAYS_PIXELS
+void fill(ivec2 pixel, int i, Sight s[4], vec2 x, Around a)
 {
-	ivec2 low = (pixel - samples.xy + BLOCK) / BLOCK - 1; /* rounded down */
-	vec2 x = vec2(pixel - samples.xy - BLOCK * low) / float(BLOCK);
-	Sight s[4] = Sight[4](marched(low), marched(low + ivec2(1, 0)), marched(low + ivec2(0, 1)), marched(low + 1));
 	vec4 weight = tap_weights(x), d = pixel_direction(pixel), where = mean_place(s, weight);
 	vec4 opacity = 1.0 - vec4(s[0].light.x, s[1].light.x, s[2].light.x, s[3].light.x);
 	Sight then;
 	if (remember(d, dot(weight, opacity) > NOTHING ? where.x : clear_distance(d.xyz), then)) {
-		vec4 now = clamp(then.light, mean - CLIP * deviation, mean + CLIP * deviation);
+		vec4 now = clamp(then.light, a.mean - CLIP * a.deviation, a.mean + CLIP * a.deviation);
 		/* what came to be seen here is where its neighbours are */
 		if (1.0 - then.light.x < 0.5 * (1.0 - now.x))
 			then.place = where;
 		show(i, Sight(now, then.place));
-	} else if (alike(s[0], s[1], s[2], s[3])) {
+	} else if (alike(s[0], s[1], s[2], s[3], 1.0)) {
 		show(i, between(s[0], s[1], s[2], s[3], x));
 	} else {
-		add_to_list(i);
+		add_to_list(1, 0, i);
 	}
 }
+#endif
 
-/* A thread does a block: what is around is the same for its pixels. */
+/* A thread does a block: what is around is the same for its pixels. They lie in four cells between marched pixels. */
 void main()
 {
-	ivec2 first = tile.xy / BLOCK, count = (tile.xy + tile.zw - 1) / BLOCK - first + 1;
 	int n = int(gl_GlobalInvocationID.x);
+	ivec2 first = tile.xy / BLOCK, count = (tile.xy + tile.zw - 1) / BLOCK - first + 1;
+#if RAYS == CLOUD_RAYS_PIXELS
+	if (n >= int(list[3]))
+		return;
+	n = int(list[CLOUD_LIST_FIRST + tile.z * tile.w + n]);
+#else
 	if (n >= count.x * count.y)
 		return;
+#endif
 	ivec2 block = first + ivec2(n % count.x, n / count.x), own = block_pixel(block);
-	vec4 mean, deviation;
-	around(block, mean, deviation);
-	for (int k = 0; k < BLOCK * BLOCK; k++) {
-		ivec2 pixel = BLOCK * block + ivec2(k % BLOCK, k / BLOCK), at = pixel - tile.xy;
-		int i = at.y * tile.z + at.x;
-		if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, tile.zw)))
-			continue;
-		if (pixel == own)
-			show(i, marched(block));
-		else if (samples.z == 1)
-			show(i, recall(pixel));
-		else
-			fill(pixel, i, mean, deviation);
+	Around a = around(block);
+#if RAYS == CLOUD_RAYS_BLOCKS
+	bool still = samples.z == 1, well = agree_well(a);
+	if (!still && !well)
+		add_to_list(0, tile.z * tile.w, n);
+#endif
+	for (int q = 0; q < 4; q++) {
+		ivec2 side = ivec2(q & 1, q >> 1), low = block + side - 1, from = side * samples.xy, to = mix(samples.xy, ivec2(BLOCK), equal(side, ivec2(1)));
+		Sight s[4] = Sight[4](marched(low), marched(low + ivec2(1, 0)), marched(low + ivec2(0, 1)), marched(low + 1));
+		for (int y = from.y; y < to.y; y++) {
+			for (int x = from.x; x < to.x; x++) {
+				ivec2 pixel = BLOCK * block + ivec2(x, y), at = pixel - tile.xy;
+				int i = at.y * tile.z + at.x;
+				vec2 off = vec2(ivec2(x, y) - samples.xy + BLOCK * (1 - side)) / float(BLOCK);
+				if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, tile.zw)))
+					continue;
+#if RAYS == CLOUD_RAYS_BLOCKS
+				if (pixel == own)
+					show(i, marched(block));
+				else if (still)
+					show(i, recall(pixel));
+				else if (well)
+					show(i, between(s[0], s[1], s[2], s[3], off));
+#else
+				if (pixel != own)
+					fill(pixel, i, s, off, a);
+#endif
+			}
+		}
 	}
 }

@@ -40,19 +40,23 @@ vec4 cloud_ground_light(vec3 q, vec3 to_sun, int least)
 	return vec4(cloud_below_sharp(q, to_sun, least), 0.5 * wide.x, clamp(vec2(wide.y, wide.z - 2.0 * PI) / (2.0 * PI), 0.0, 1.0));
 }
 
+/* Samples of light in the air: as far apart as that, but no fewer and no more than so many. */
+const float AIR_STEP = 4000.0; /* m: with fewer, lines show towards the horizon */
+const float AIR_FEWEST = 4.0, AIR_MOST = 32.0;
+
 /* Light in the air along a stretch of a ray below the layer, relative to a clear sky's: sun that comes through, and
  * light from the clouds. */
-float cloud_air_light(CloudRay ray, vec2 stretch, float jitter)
+float cloud_air_light(CloudRay ray, vec2 stretch)
 {
-	const int SAMPLES = 6;
 	vec3 up = frame.vertical.xyz, sun = frame.sun_direction.xyz;
+	int n = int(clamp(ceil((stretch.y - stretch.x) / AIR_STEP), AIR_FEWEST, AIR_MOST)), i = 0;
 	float sum = 0.0;
-	for (int i = 0; i < SAMPLES; i++) {
-		vec3 q = cloud_point(ray, mix(stretch.x, stretch.y, (float(i) + jitter) / float(SAMPLES)));
+	do {
+		vec3 q = cloud_point(ray, mix(stretch.x, stretch.y, (float(i) + 0.5) / float(n)));
 		vec4 light = cloud_below_light(q, cloud_direction(sun, up, q), 0);
 		sum += min(light.w + light.x, 1.0);
-	}
-	return sum / float(SAMPLES);
+	} while (++i < n);
+	return sum / float(n);
 }
 
 /* Share of the sun's light at q, at any height, that comes straight or nearly so. */

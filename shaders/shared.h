@@ -40,6 +40,7 @@ typedef unsigned int uint;
 #define BIND_CLOUD_LATTICE 4 /* kernels of the march: two vec4 per point, as the next two; cloud_lattice.glsl */
 #define BIND_GROUPS 4        /* kernels of an image with a scene: GROUPS_ of uint, groups of WORKGROUP_LINE pixels of the strip that show something; surfaces_list.comp */
 #define BIND_CLOUD_LIST 5    /* likewise: CLOUD_LIST_ of uint, points to march */
+#define BIND_CLOUD_SHADE 1   /* two vec4 per pixel: radiance of the batch that clouds take before and behind them; cloud_shade.comp */
 #define BIND_CLOUD_BEFORE 0  /* likewise: uvec4 per pixel of the image, clouds of the frame before; cloud_history.glsl */
 #define BIND_CLOUD_KEPT 1    /* likewise, of this frame for the next */
 #define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp */
@@ -81,6 +82,10 @@ typedef unsigned int uint;
 #define CLOUD_GRID_GROWTH 4.0
 #define CLOUD_DIFFUSE_RUNS 14 /* of the diffusion equation: columns alone, relaxations (their number prime to 5), light emitted */
 
+/* The sun's way through clouds: boxes as wide, of more and smaller cells (cloud_sun.glsl). */
+#define CLOUD_SUN_ACROSS 128
+#define CLOUD_SUN_UP 40
+
 /* Majorants for paths through clouds (cloud_majorant.glsl): boxes around the camera, each CLOUD_GRID_GROWTH times as
  * wide as the one before, stacked likewise; their texture is made in so many runs. */
 #define MAJORANT_ACROSS 128
@@ -97,6 +102,7 @@ typedef unsigned int uint;
 #define UNIT_SHADOW_DEPTH 22 /* the same, read as it is */
 #define UNIT_SHADOW_MOMENTS 23
 #define UNIT_SHAFTS 24       /* shadowed light by angle from the sun, plane and distance */
+#define UNIT_CLOUD_SUN 26      /* optical depth of clouds to the sun; cloud_sun.glsl */
 #define UNIT_SHAFT_TREE 25   /* depth from the sun along the planes: minima and maxima */
 
 /* Samples of a pixel in the raster pass. */
@@ -193,6 +199,16 @@ typedef unsigned int uint;
 /* BIND_CLOUD_LIST: for the lattice, then for the pixels: workgroups along x, y, z, and how many points; then the points. */
 #define CLOUD_LIST_HEAD 4
 #define CLOUD_LIST_FIRST 8
+
+/* How a kernel of cloud_compose.comp has what clouds take from the light below them. */
+#define SHADE_HERE 0    /* it works it out, pixel by pixel */
+#define SHADE_THERE 1   /* BIND_CLOUD_SHADE */
+#define SHADE_OF_RAYS 2 /* it works it out for cloud_shade.comp, and does nothing else */
+#define CLOUD_LIST_COMPOSED 0 /* its lists, as of BIND_CLOUD_LIST: pixels with clouds, after as many points as there are pixels */
+#define CLOUD_LIST_SHADED 1
+#define COURSE_NO_AIR 0
+#define COURSE_TO_GROUND 1
+#define COURSE_IN_AIR 2 /* and above, by the shells that are met */
 
 #define SHAPE_DILATED_SQUARED 0
 #define SHAPE_DILATED 1
@@ -293,9 +309,11 @@ WELKIN_BLOCK(MediaBlock, BIND_MEDIA)
 WELKIN_BLOCK_END(media)
 
 /* The clouds: a layer between two shells, described in cloud_density.glsl, and a thin one above. Offsets are those of
- * the camera's footprint in textures, in units of their side, wrapped. */
+ * the origin of cloud space in textures, in units of their side, wrapped. The origin is near the camera's footprint, and stays where it
+ * is in the air that moves with the clouds, until the footprint has moved on by a cell of the finest grid: so do tables. */
 WELKIN_BLOCK(CloudsBlock, BIND_CLOUDS)
 	vec4 east, south;      /* xyz: horizontal axes at the camera, world frame */
+	vec4 origin;           /* x, z: the camera's footprint from the origin of cloud space, m; y: how far shapes have risen since they were as the tables of light have them */
 	vec4 base, detail;     /* xyz offset, w 1 / side in 1/m */
 	vec4 grid[CLOUD_GRID_LEVELS]; /* xy: least x and z in m, z: side of a cell in m; cloud_grid.glsl */
 	vec4 regions;          /* xyz: phases of cloud_region() at the camera's footprint, in periods; w: its amplitude, 0 where the map just repeats */

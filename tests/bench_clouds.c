@@ -22,7 +22,7 @@ static const char scene[] = SCENE "&camera.heading_deg=90";
 
 /* In the order in which the chart adds them; the renderer's own names. */
 static const char *const savings[] = { "steps_by_elevation", "early_exit", "empty_space", "adaptive_steps",
-	"light_volume", "shared_light", "half_resolution", "blue_noise" };
+	"light_volume", "half_resolution", "blue_noise" };
 enum { SAVINGS = sizeof savings / sizeof savings[0] };
 
 static const double goal_ratio = 20, goal_rmse = 0.03, goal_sequence_ratio = 60, goal_own_rmse = 0.05,
@@ -101,6 +101,7 @@ static bool chart(struct lib_renderer *renderer, const struct options *o)
 		"cpu ms", "faster", "by cpu", "RMSE %");
 	printf("%-22s %12.1f %12.1f %12.0f %8.1f %8.1f %8.2f\n", "none: 128 × 6", plain.march_ms, plain.colours_ms,
 		plain_cpu, 1.0, 1.0, 0.0);
+	fflush(stdout);
 	bool ok = true;
 	for (int i = 0; i < SAVINGS && ok; i++) {
 		snprintf(more + strlen(more), sizeof more - strlen(more), "%s%s", i ? "," : "", savings[i]);

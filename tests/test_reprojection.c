@@ -84,7 +84,7 @@ static void no_frame_before(void **state)
 	}
 }
 
-#define EVERY_PIXEL "&clouds.savings=early_exit,empty_space,adaptive_steps,light_volume,shared_light,blue_noise"
+#define EVERY_PIXEL "&clouds.savings=early_exit,empty_space,adaptive_steps,light_volume,blue_noise"
 
 /* Sixteen frames march every pixel once, whatever was there before: what the first one interpolated, or the camera's
  * turn. What is left is what one frame shows that marches every pixel. */

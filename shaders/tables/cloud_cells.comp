@@ -1,4 +1,5 @@
 /* Extinction in 1/m, averaged over the cells of the grids. */
+#define CLOUD_RISEN 0.0
 #include "cloud_grid.glsl"
 
 layout(local_size_x = 8, local_size_y = 4, local_size_z = 2) in;
