@@ -8,31 +8,27 @@ layout(local_size_x = WORKGROUP_X, local_size_y = WORKGROUP_Y) in;
 layout(rgba16f, binding = 0) uniform writeonly image3D table;
 layout(binding = UNIT_SHAFT_TREE) uniform sampler2D shaft_tree;
 
+/* Blocks of the tree that a stretch between two distances is looked up in. */
+const float BLOCKS = 3.0;
+
 /* Shadowed share of the ray's stretch between the positions x0 and x1 > x0 along the plane's line, in samples, where its
- * depth goes from z0 to z1: down the tree where it can't tell, over whole blocks where it can. */
+ * depth goes from z0 to z1: by blocks of a size that a few of them hold the stretch. Within a block the depths of ray and mesh are
+ * taken to be spread evenly between their ends, which is exact where only one of them varies. */
 float shadowed_share(int plane, float x0, float x1, float z0, float z1)
 {
 	float slope = (z1 - z0) / (x1 - x0), sum = 0.0;
-	int i = max(int(floor(x0)), 0), end = min(int(ceil(x1)), SHAFT_DEPTHS), level = SHAFT_LEVELS;
-	while (i < end) {
-		/* the largest block that begins here, and not past the end */
-		while (level > 0 && ((i & ((1 << level) - 1)) != 0 || i + (1 << level) > end))
-			level--;
-		int size = 1 << level;
-		float from = max(float(i), x0), to = min(float(i + size), x1);
+	int level = int(clamp(ceil(log2((x1 - x0) / BLOCKS)), 0.0, float(SHAFT_LEVELS)));
+	int i = int(x0) >> level, end = min(int(x1), SHAFT_DEPTHS - 1) >> level;
+	i = min(i, end);
+	float size = float(1 << level);
+	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
+		float from = max(float(i) * size, x0), to = min(float(i + 1) * size, x1);
 		float za = z0 + (from - x0) * slope, zb = z0 + (to - x0) * slope;
-		vec2 range = texelFetch(shaft_tree, ivec2(shaft_level(level) + (i >> level), plane), 0).rg;
-		bool all_lit = range.x >= max(za, zb), all_shadowed = range.y < min(za, zb);
-		if (!all_lit && !all_shadowed && level > 0) {
-			level--;
-			continue;
-		}
-		/* within one sample, the part on which the ray is deeper than the map */
-		float partial = clamp(abs(zb - za) > 0.0 ? (max(za, zb) - range.x) / abs(zb - za) : 0.0, 0.0, 1.0);
-		sum += (all_lit ? 0.0 : all_shadowed ? 1.0 : partial) * (to - from);
-		i += size;
-		level = min(level + 1, SHAFT_LEVELS);
-	}
+		vec2 range = texelFetch(shaft_tree, ivec2(shaft_level(level) + i, plane), 0).rg;
+		bool gaps = range.y > 1.0 && range.x <= 1.0; /* of which half is taken to be open */
+		float deepest = max(za, zb), spread = abs(zb - za) + (gaps ? 0.0 : range.y - range.x);
+		sum += clamp((deepest - range.x) / max(spread, 1e-9), 0.0, gaps ? 0.5 : 1.0) * (to - from);
+	} while (++i <= end);
 	return clamp(sum / (x1 - x0), 0.0, 1.0);
 }
 
