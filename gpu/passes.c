@@ -22,16 +22,17 @@ enum {
 	OFFSET_MEDIA = 256,
 	OFFSET_METHOD = 512,
 	OFFSET_CLOUDS = 768,
-	OFFSET_BANDS = 1280
+	OFFSET_BANDS = 1280,
+	BANDS_STRIDE = 512
 };
-enum { OFFSET_FITTED = OFFSET_BANDS + SCENE_MAX_BATCHES * BLOCK_STRIDE, FITTED_STRIDE = 512 };
+enum { OFFSET_FITTED = OFFSET_BANDS + SCENE_MAX_BATCHES * BANDS_STRIDE, FITTED_STRIDE = 512 };
 enum { OFFSET_SURFACES = OFFSET_FITTED + SCENE_MAX_BATCHES * FITTED_STRIDE, SURFACES_STRIDE = 512 };
 enum { BLOCKS_BYTES = OFFSET_SURFACES + SURFACES_STRIDE };
 
 _Static_assert(sizeof(struct FrameBlock) <= BLOCK_STRIDE, "FrameBlock outgrew its slot");
 _Static_assert(sizeof(struct MediaBlock) <= BLOCK_STRIDE, "MediaBlock outgrew its slot");
 _Static_assert(sizeof(struct CloudsBlock) <= OFFSET_BANDS - OFFSET_CLOUDS, "CloudsBlock outgrew its slot");
-_Static_assert(sizeof(struct BandsBlock) <= BLOCK_STRIDE, "BandsBlock outgrew its slot");
+_Static_assert(sizeof(struct BandsBlock) <= BANDS_STRIDE, "BandsBlock outgrew its slot");
 _Static_assert(sizeof(struct SurfacesBlock) <= SURFACES_STRIDE, "SurfacesBlock outgrew its slot");
 _Static_assert(sizeof(struct FittedBlock) <= FITTED_STRIDE, "FittedBlock outgrew its slot");
 
@@ -82,8 +83,8 @@ void passes_blocks(struct passes *passes, const struct scene *scene)
 	memcpy(bytes + OFFSET_CLOUDS, &scene->clouds, sizeof scene->clouds);
 	memcpy(bytes + OFFSET_METHOD, scene->method_values, sizeof scene->method_values);
 	for (int i = 0; i < scene->n_batches; i++)
-		memcpy(bytes + OFFSET_BANDS + i * BLOCK_STRIDE, &scene->batches[i], sizeof scene->batches[i]);
-	glNamedBufferSubData(passes->blocks, 0, OFFSET_BANDS + scene->n_batches * BLOCK_STRIDE, bytes);
+		memcpy(bytes + OFFSET_BANDS + i * BANDS_STRIDE, &scene->batches[i], sizeof scene->batches[i]);
+	glNamedBufferSubData(passes->blocks, 0, OFFSET_BANDS + scene->n_batches * BANDS_STRIDE, bytes);
 	for (int i = 0; i < scene->n_batches; i++)
 		memcpy(bytes + OFFSET_FITTED + i * FITTED_STRIDE, &scene->fitted[i], sizeof scene->fitted[i]);
 	glNamedBufferSubData(passes->blocks, OFFSET_FITTED, scene->n_batches * FITTED_STRIDE, bytes + OFFSET_FITTED);
@@ -123,7 +124,7 @@ static void bind_storage(const struct passes *passes, const unsigned storage[PAS
 static void bind(const struct passes *passes, const struct pass *pass)
 {
 	const GLuint b = passes->blocks, uniform[] = { b, b, b, b, b, b };
-	const GLintptr offsets[] = { OFFSET_FRAME, OFFSET_MEDIA, OFFSET_BANDS + pass->batch * BLOCK_STRIDE,
+	const GLintptr offsets[] = { OFFSET_FRAME, OFFSET_MEDIA, OFFSET_BANDS + pass->batch * BANDS_STRIDE,
 		OFFSET_FITTED + pass->batch * FITTED_STRIDE, OFFSET_METHOD, OFFSET_CLOUDS };
 	const GLsizeiptr sizes[] = { sizeof(struct FrameBlock), sizeof(struct MediaBlock), sizeof(struct BandsBlock),
 		sizeof(struct FittedBlock), METHOD_VALUES * sizeof(float), sizeof(struct CloudsBlock) };

@@ -76,16 +76,18 @@ static const char *clouded(const struct frame *f)
 
 static const struct program *choose_light(struct workspace *ws, const struct frame *f, struct error *err)
 {
-	char choices[64];
-	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d SHADING=%d SHADOW_FILTER=%d%s%s",
-		f->method->single_scattering, f->scene.surfaces.shading, f->scene.surfaces.shadow_filter, plain(f),
-		clouded(f));
+	char choices[112];
+	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d SCALED=%d SHADING=%d SHADOW_FILTER=%d%s%s%s%s",
+		f->method->single_scattering, !f->method->single_scattering, f->scene.surfaces.shading,
+		f->scene.surfaces.shadow_filter, plain(f), clouded(f), f->plan.epipolar ? " SHAFTS=1" : "",
+		f->scenery.surfaces->glossy ? "" : " MATTE=1");
 	return programs_get(ws->programs, "surfaces.comp", choices, err);
 }
 
+/* From the table, the kernel that lights surfaces takes from the air before them as well. */
 static bool choose_shafts(struct workspace *ws, struct frame *f, struct error *err)
 {
-	for (int behind = 0; behind < 2; behind++) {
+	for (int behind = f->plan.epipolar; behind < 2; behind++) {
 		char choices[64];
 		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d BEHIND=%d%s%s", f->plan.epipolar,
 			!f->method->single_scattering, behind, plain(f), clouded(f));
@@ -117,7 +119,8 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	if (draws(f)) {
 		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
 		s->list_drawn = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=1", err);
-		s->gather = programs_get(ws->programs, "surfaces_gather.comp", "", err);
+		s->gather = programs_get(ws->programs, "surfaces_gather.comp",
+			s->surfaces->normal_mapped ? "" : "NORMAL_MAPS=0", err);
 	}
 	if (f->plan.features & FEATURE_SHAFTS) {
 		shafts_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
@@ -403,13 +406,10 @@ void scenery_light(
 	pass.storage[BIND_CLOUD_LIGHT] = ws->cloud_light.id;
 	pass.storage[BIND_CLOUD_PLACE] = ws->cloud_place.id;
 	run_listed(ws, f, pass, GROUPS_SURFACES);
-	if (!s->shafts[0])
-		return;
 	pass.name = "shafts";
-	pass.program = s->shafts[0];
-	run_listed(ws, f, pass, GROUPS_SURFACES);
-	pass.program = s->shafts[1];
-	run_listed(ws, f, pass, GROUPS_SKY);
+	for (int behind = 0; behind < 2; behind++)
+		if ((pass.program = s->shafts[behind]))
+			run_listed(ws, f, pass, behind ? GROUPS_SKY : GROUPS_SURFACES);
 }
 
 void scenery_bind_rays(struct workspace *ws, const struct frame *f, unsigned storage[PASS_STORAGE])

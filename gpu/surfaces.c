@@ -215,6 +215,8 @@ static bool upload_materials(struct build *b)
 		list[i].specular[3] = m->opacity;
 		list[i].albedo_texture = m->albedo_texture;
 		list[i].normal_texture = m->normal_texture;
+		b->s->normal_mapped |= m->normal_texture >= 0;
+		b->s->glossy |= m->specular[0] > 0 || m->specular[1] > 0 || m->specular[2] > 0;
 	}
 	if (list)
 		b->s->materials = upload(b->s, list, n * sizeof *list);

@@ -75,6 +75,12 @@ float shaft_under_clouds(ShaftRay ray, float t)
 	return 1.0;
 }
 
+/* What scatters sunlight towards the camera, 1/m/sr, by density. */
+vec4 shaft_scattering(ShaftRay ray, vec3 density)
+{
+	return bands.rayleigh * (density.x * ray.phase_rayleigh) + bands.aerosol_scattering * (density.y * ray.phase_aerosol);
+}
+
 /* Light scattered towards the camera per m at distance t, had the scene no shadow; column: of the ray up to there, which goes on by dt. */
 vec4 shaft_source(ShaftRay ray, float t, float dt, inout vec3 column)
 {
@@ -84,8 +90,8 @@ vec4 shaft_source(ShaftRay ray, float t, float dt, inout vec3 column)
 	column += dt * density;
 	if (mu_s <= mu_horizon(h) || h > media.top)
 		return vec4(0.0);
-	vec4 scattering = bands.rayleigh * (density.x * ray.phase_rayleigh) + bands.aerosol_scattering * (density.y * ray.phase_aerosol);
-	return bands.sun_irradiance * scattering * exp(-shaft_depth(half_way + sun_column(h, mu_s))) * shaft_under_clouds(ray, t);
+	return bands.sun_irradiance * shaft_scattering(ray, density) * exp(-shaft_depth(half_way + sun_column(h, mu_s))) *
+		shaft_under_clouds(ray, t);
 }
 
 /* Column between two distances, by a few steps. */

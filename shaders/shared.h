@@ -321,6 +321,7 @@ WELKIN_BLOCK(BandsBlock, BIND_BANDS)
 	vec4 aerosol_scaled_extinction; /* less the share of the forward peak, delta-M */
 	vec4 ozone;            /* absorption, 1/m at the tent's peak */
 	vec4 ground_albedo;
+	vec4 red, blue;        /* reflectance of surfaces of these Rec.709 colours; green has what both leave */
 	vec4 daylight[3];      /* CIE daylight components S0, S1, S2 at the wavelengths */
 	vec4 daylight_luminance; /* xyz: 683 lm/W times the integral of each component times ybar, in cd/m² */
 	vec4 sun_luminance;    /* cd/m² of the sun's irradiance taken as a radiance: what transmittances are weighted by for alpha */

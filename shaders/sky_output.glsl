@@ -44,12 +44,13 @@ bool feature(int bit)
 }
 
 /* Adds a surface at distance t to a pixel whose batch the sky's kernel has begun, unless the surface fills it and there are no clouds:
- * the air before it, its own light that arrives, and what share of both clouds let through. */
-void add_surface(int i, float t, float coverage, vec4 air, vec4 L, float through)
+ * the air before it and its own light that arrives; what share of both clouds let through, and what their own air loses to the scene's
+ * shadow. */
+void add_surface(int i, float t, float coverage, vec4 air, vec4 L, float through, vec4 lost)
 {
-	float share = coverage * through;
+	vec4 seen = coverage * (through * (air + L) - lost);
 	if (WANTED(FEATURE_SPECTRAL) != 0) {
-		radiance[i] += share * (air + L);
+		radiance[i] = max(radiance[i] + seen, 0.0);
 		return;
 	}
 #ifdef CLOUDS
@@ -57,7 +58,7 @@ void add_surface(int i, float t, float coverage, vec4 air, vec4 L, float through
 #else
 	vec4 begun = batch == 0 && coverage >= 1.0 ? vec4(0.0) : radiance[i];
 #endif
-	radiance[i] = vec4(begun.rgb + share * to_rgb(air + L), begun.a);
+	radiance[i] = vec4(begun.rgb + to_rgb(seen), begun.a);
 	if (WANTED(FEATURE_LAYERS) != 0)
 		inscatter[i] = vec4(inscatter[i].rgb + coverage * to_rgb(air), t);
 }

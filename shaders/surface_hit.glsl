@@ -33,6 +33,11 @@ vec2 uv_step(vec3 step, vec3 e1, vec3 e2, vec3 face, float area, vec2 d1, vec2 d
 	return (d1 * dot(cross(step, e2), face) + d2 * dot(cross(e1, step), face)) / area;
 }
 
+/* Chosen when the program is built: may any material have one? */
+#ifndef NORMAL_MAPS
+#define NORMAL_MAPS 1
+#endif
+
 /* What a ray along d from a point relative to the camera (world axes) shows of a triangle: where they meet or, at the
  * triangle's rim, the point next to that. angle: across the ray, rad. */
 Surface surface_hit(Triangle tri, vec3 from, vec3 d_world, float angle)
@@ -65,8 +70,11 @@ Surface surface_hit(Triangle tri, vec3 from, vec3 d_world, float angle)
 	Material m = materials[triangle_material(tri)];
 	const vec2 rows = vec2(1.0, -1.0); /* of textures start at the top */
 	vec3 color = textureGrad(albedo_textures, texture_at(uv, max(m.textures.x, 0)), gx * rows, gy * rows).rgb;
+#if NORMAL_MAPS
 	vec3 texel = textureGrad(normal_textures, texture_at(uv, max(m.textures.y, 0)), gx * rows, gy * rows).xyz;
-	s.normal = mesh_to_world(m.textures.y >= 0 ? mapped_normal(texel, normal, along_u, along_v) : normal);
+	normal = m.textures.y >= 0 ? mapped_normal(texel, normal, along_u, along_v) : normal;
+#endif
+	s.normal = mesh_to_world(normal);
 	s.face = mesh_to_world(unit);
 	s.albedo = m.diffuse.rgb * (m.textures.x >= 0 ? color : vec3(1.0));
 	s.open = dot(weights, vec3(open_sky[v.x], open_sky[v.y], open_sky[v.z]));

@@ -9,7 +9,7 @@ layout(rgba16f, binding = 0) uniform writeonly image3D table;
 layout(binding = UNIT_SHAFT_TREE) uniform sampler2D shaft_tree;
 
 /* Blocks of the tree that a stretch between two distances is looked up in. */
-const float BLOCKS = 3.0;
+const float BLOCKS = 4.0;
 
 /* Shadowed share of the ray's stretch between the positions x0 and x1 > x0 along the plane's line, in samples, where its
  * depth goes from z0 to z1: by blocks of a size that a few of them hold the stretch. Within a block the depths of ray and mesh are
