@@ -311,7 +311,7 @@ void scenery_restrict(const struct workspace *ws, struct pass *pass, int list)
 
 static bool empty_lists(struct workspace *ws, int pixels, struct error *err)
 {
-	static const uint heads[GROUPS_LISTS][GROUPS_HEAD] = { { 0, 1, 1, 0 }, { 0, 1, 1, 0 }, { 0, 1, 1, 0 } };
+	static const uint heads[GROUPS_LISTS][GROUPS_HEAD] = { { 0, 1, 1, 0 }, { 0, 1, 1, 0 } };
 	const size_t groups = ((size_t)pixels + WORKGROUP_LINE - 1) / WORKGROUP_LINE;
 	if (!workspace_reserve(&ws->groups, (GROUPS_FIRST + GROUPS_LISTS * groups) * sizeof(uint), false, err))
 		return false;
@@ -342,9 +342,8 @@ static bool gather_records(struct workspace *ws, const struct frame *f, struct p
 	run_list(ws, f->scenery.list_drawn, *pass);
 	pass->name = "surfaces-gather";
 	pass->program = f->scenery.gather;
-	scenery_restrict(ws, pass, GROUPS_DRAWN);
+	scenery_restrict(ws, pass, GROUPS_SURFACES);
 	passes_run(ws->passes, pass);
-	pass->indirect = 0;
 	return true;
 }
 
@@ -373,10 +372,9 @@ bool scenery_records(struct workspace *ws, const struct frame *f, const int tile
 	pass.storage[BIND_DIRECTIONS] = image ? ws->rays.id : ws->directions.id;
 	pass.storage[BIND_SURFACES] = ws->surface.id;
 	/* for the few pixels of the meter, rays are cheaper than a look at every triangle */
-	if (!s->draw || f->stage == FRAME_METER)
-		cast_records(ws, f, &pass);
-	else if (!gather_records(ws, f, &pass, err))
-		return false;
+	if (s->draw && f->stage != FRAME_METER)
+		return gather_records(ws, f, &pass, err);
+	cast_records(ws, f, &pass);
 	if (image)
 		run_list(ws, s->list, pass);
 	return true;

@@ -151,13 +151,14 @@ typedef unsigned int uint;
 #define WORKGROUP_Y 4
 #define WORKGROUP_LINE 64 /* of kernels that number pixels instead */
 
-/* BIND_GROUPS: for each list workgroups along x, y, z, and one unused; then the lists, interleaved. */
-#define GROUPS_DRAWN 0
-#define GROUPS_SURFACES 1
-#define GROUPS_SKY 2
-#define GROUPS_LISTS 3
+/* BIND_GROUPS: for each list workgroups along x, y, z, and one unused; then the lists, interleaved: groups of pixels that show
+ * surfaces, and that show sky. GROUPS_FILLED on a group of the former: it was not in the latter when that bit was set. */
+#define GROUPS_SURFACES 0
+#define GROUPS_SKY 1
+#define GROUPS_LISTS 2
 #define GROUPS_HEAD 4
-#define GROUPS_FIRST 12
+#define GROUPS_FIRST 8
+#define GROUPS_FILLED 0x80000000u
 
 /* Bits of FrameBlock.features: what the planner left in. A kernel skips what is not set. */
 #define FEATURE_SUN_DISK 1

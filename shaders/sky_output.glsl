@@ -32,7 +32,7 @@ int own_pixel()
 {
 #ifndef SEVERAL_DISPATCHES
 	if (group_list > 0)
-		return int(groups[GROUPS_FIRST + GROUPS_LISTS * gl_WorkGroupID.x + uint(group_list - 1)]) * WORKGROUP_LINE +
+		return int(groups[GROUPS_FIRST + GROUPS_LISTS * gl_WorkGroupID.x + uint(group_list - 1)] & ~GROUPS_FILLED) * WORKGROUP_LINE +
 			int(gl_LocalInvocationID.x);
 #endif
 	return int(gl_GlobalInvocationID.x);

@@ -2,19 +2,19 @@
  * meets or passes most closely; and how many samples show any. */
 #include "surface_hit.glsl"
 #include "surface_ground.glsl"
+#include "surface_groups.glsl"
 
-layout(local_size_x = WORKGROUP_LINE) in; /* of the list GROUPS_DRAWN */
+layout(local_size_x = WORKGROUP_LINE) in; /* of the list GROUPS_SURFACES */
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BOX) uniform ivec4 box; /* of the image, what is drawn */
 layout(binding = UNIT_RASTER) uniform usampler2DMS raster;
 layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
-layout(std430, binding = BIND_GROUPS) readonly buffer Groups { uint groups[]; };
 layout(std430, binding = BIND_SURFACES) writeonly buffer Surfaces { uvec4 surface[]; };
 
 void main()
 {
-	int i = int(groups[GROUPS_FIRST + GROUPS_LISTS * gl_WorkGroupID.x + uint(GROUPS_DRAWN)]) * WORKGROUP_LINE +
-		int(gl_LocalInvocationID.x);
+	uint entry = GROUPS_FIRST + GROUPS_LISTS * gl_WorkGroupID.x + uint(GROUPS_SURFACES), group = groups[entry] & ~GROUPS_FILLED;
+	int i = int(group) * WORKGROUP_LINE + int(gl_LocalInvocationID.x);
 	if (i >= tile.z * tile.w)
 		return;
 	ivec2 at = strip_place(i, tile.z);
@@ -46,5 +46,7 @@ void main()
 		hit.coverage = float(covered) / float(RASTER_SAMPLES);
 		if (!ground_hides(d.xyz, hit.t))
 			surface[i] = surface_pack(hit);
+		else if ((atomicAnd(groups[entry], ~GROUPS_FILLED) & GROUPS_FILLED) != 0u)
+			list_group(GROUPS_SKY, group); /* the first pixel of its group to do so */
 	}
 }
