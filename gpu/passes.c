@@ -39,6 +39,7 @@ _Static_assert(sizeof(struct FittedBlock) <= FITTED_STRIDE, "FittedBlock outgrew
 struct passes {
 	bool synchronous, drawn; /* drawn: ever */
 	unsigned blocks, nodes;  /* buffers */
+	unsigned fetched[PROGRAM_FETCHED]; /* buffer textures, each of whatever buffer a pass has there */
 	int n_nodes;
 	float (*node_copy)[2]; /* what the device has, to leave out uploads of the same */
 	int n;                 /* passes in this slice */
@@ -60,6 +61,7 @@ struct passes *passes_create(bool synchronous, struct error *err)
 	glNamedBufferStorage(p->blocks, BLOCKS_BYTES, NULL, GL_DYNAMIC_STORAGE_BIT);
 	glCreateBuffers(1, &p->nodes);
 	glNamedBufferStorage(p->nodes, SCENE_MAX_NODES * sizeof *p->node_copy, NULL, GL_DYNAMIC_STORAGE_BIT);
+	glCreateTextures(GL_TEXTURE_BUFFER, PROGRAM_FETCHED, p->fetched);
 	glCreateQueries(GL_TIMESTAMP, SLICE_PASSES + 1, p->queries);
 	return p;
 }
@@ -71,6 +73,7 @@ void passes_destroy(struct passes *passes)
 	glDeleteQueries(SLICE_PASSES + 1, passes->queries);
 	glDeleteBuffers(1, &passes->blocks);
 	glDeleteBuffers(1, &passes->nodes);
+	glDeleteTextures(PROGRAM_FETCHED, passes->fetched);
 	free(passes->node_copy);
 	free(passes);
 }
@@ -121,6 +124,17 @@ static void bind_storage(const struct passes *passes, const unsigned storage[PAS
 		GL_UNIFORM_BUFFER, BIND_SURFACES_BLOCK, passes->blocks, OFFSET_SURFACES, sizeof(struct SurfacesBlock));
 }
 
+static void bind_fetched(const struct passes *passes, const struct pass *pass)
+{
+	for (int i = 0; i < PROGRAM_FETCHED; i++) {
+		const struct fetched *f = &program_fetched[i];
+		if (!(pass->program->fetches & 1u << i))
+			continue;
+		glTextureBuffer(passes->fetched[i], f->format, pass->storage[f->bind]);
+		glBindTextureUnit((GLuint)f->unit, passes->fetched[i]);
+	}
+}
+
 static void bind(const struct passes *passes, const struct pass *pass)
 {
 	const GLuint b = passes->blocks, uniform[] = { b, b, b, b, b, b };
@@ -130,6 +144,7 @@ static void bind(const struct passes *passes, const struct pass *pass)
 		sizeof(struct FittedBlock), METHOD_VALUES * sizeof(float), sizeof(struct CloudsBlock) };
 	glBindBuffersRange(GL_UNIFORM_BUFFER, BIND_FRAME, 6, uniform, offsets, sizes);
 	bind_storage(passes, pass->storage);
+	bind_fetched(passes, pass);
 	if (pass->image)
 		glBindImageTexture(0, pass->image, 0, GL_TRUE, 0, GL_WRITE_ONLY, pass->image_format);
 	const GLuint id = pass->program->id;

@@ -60,7 +60,7 @@ vec2 ray_ends(int i, ShaftRay ray)
 #if BEHIND
 	float ground = ray_ground_distance(ray.h, ray.mu), end = ground >= 0.0 ? ground : 1e9;
 #else
-	float end = uintBitsToFloat(surface[i].x);
+	float end = uintBitsToFloat(surface_of(i).x);
 #endif
 #ifdef CLOUDS
 	return vec2(end, min(end, cloud_place[BEHIND != 0 ? i : tile.z * tile.w + i].x));
@@ -82,10 +82,10 @@ void main()
 	int i = own_pixel();
 	if (i >= tile.z * tile.w)
 		return;
-	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i];
+	vec4 at = direction_of(feature(FEATURE_SPECTRAL) ? tile.x + i : i);
 	if (at.w < 0.0)
 		return;
-	float covered = surface_coverage(surface[i]), share = BEHIND != 0 ? 1.0 - covered : covered;
+	float covered = surface_coverage(surface_of(i)), share = BEHIND != 0 ? 1.0 - covered : covered;
 	if (share <= 0.0)
 		return;
 	ShaftRay ray = shaft_ray(at.xyz);

@@ -99,6 +99,16 @@ typedef unsigned int uint;
 #define UNIT_SHAFTS 24       /* shadowed light by angle from the sun, plane and distance */
 #define UNIT_SHAFT_TREE 25   /* depth from the sun along the planes: minima and maxima */
 
+/* Storage that kernels read as buffer textures: a load from storage goes over components and invocations one by one on
+ * llvmpipe, at several times the cost of a fetch (gpu/passes.c). */
+#define UNIT_DIRECTIONS 26
+#define UNIT_SURFACES 27
+#define UNIT_BVH 28
+#define UNIT_TRIANGLES 29
+#define UNIT_VERTICES 30
+#define UNIT_MATERIALS 31
+#define UNIT_AMBIENT 32
+
 /* Samples of a pixel in the raster pass. */
 #define RASTER_SAMPLES 4
 #define VERTEX_FLOATS 8

@@ -1,4 +1,5 @@
 /* The pixels of a strip, which kernels add up batch by batch, and what the scene covers of them. */
+#include "directions.glsl"
 #include "colour.glsl"
 #include "surface_record.glsl"
 
@@ -12,8 +13,6 @@ layout(location = LOCATION_BATCH) uniform int batch;
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_INSCATTER) buffer Inscatter { vec4 inscatter[]; };
 layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
-layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
-layout(std430, binding = BIND_SURFACES) readonly buffer Surfaces { uvec4 surface[]; };
 
 /* PLAIN, chosen when the program is built: pixels of an image without layers, and none that the sun's disk may touch. */
 #ifdef PLAIN

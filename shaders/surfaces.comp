@@ -68,7 +68,7 @@ void light_pixel(int i, vec3 d, Surface s)
 #ifdef CLOUDS
 	under_clouds(light, d, s.t, up);
 #endif
-	Material m = materials[s.material];
+	Material m = material_at(s.material);
 	vec4 L = SHADING == SHADING_PHONG ? shade_phong(m, s.albedo, light) : shade_physical(m, s.albedo, light);
 	vec4 air, T;
 	vec3 column;
@@ -95,8 +95,8 @@ void main()
 	int i = own_pixel();
 	if (i >= tile.z * tile.w)
 		return;
-	Surface s = surface_unpack(surface[i]);
-	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i];
+	Surface s = surface_unpack(surface_of(i));
+	vec4 at = direction_of(feature(FEATURE_SPECTRAL) ? tile.x + i : i);
 	if (s.coverage > 0.0 && at.w >= 0.0)
 		light_pixel(i, at.xyz, s);
 }

@@ -14,7 +14,6 @@ layout(local_size_x = WORKGROUP_LINE / 8) in; /* there are few, each with as man
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BOX) uniform ivec4 box; /* of the image, what is drawn */
 layout(binding = UNIT_RASTER) uniform usampler2DMS raster;
-layout(std430, binding = BIND_SURFACES) readonly buffer Surfaces { uvec4 surface[]; };
 
 #if DRAWN
 float covered(int i)
@@ -28,7 +27,7 @@ float covered(int i)
 #else
 float covered(int i)
 {
-	return surface_coverage(surface[i]);
+	return surface_coverage(surface_of(i));
 }
 #endif
 
