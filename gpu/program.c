@@ -18,6 +18,7 @@ const struct fetched program_fetched[PROGRAM_FETCHED] = {
 	{ "vertex_texels", BIND_VERTICES, UNIT_VERTICES, GL_RGBA32UI },
 	{ "material_texels", BIND_MATERIALS, UNIT_MATERIALS, GL_RGBA32UI },
 	{ "ambient_texels", BIND_AMBIENT, UNIT_AMBIENT, GL_R32F },
+	{ "radiance_texels", BIND_RADIANCE, UNIT_RADIANCE, GL_RGBA32F },
 };
 
 /* A file that is not in the folder of shaders. */

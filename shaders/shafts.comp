@@ -96,10 +96,10 @@ void main()
 	lost += hidden_share(i, share) * (lost_up_to(at.xyz, ray, ends.y) - whole);
 #endif
 	if (WANTED(FEATURE_SPECTRAL) != 0) {
-		radiance[i] = max(radiance[i] - lost, 0.0);
+		radiance[i] = max(radiance_before(i) - lost, 0.0);
 		return;
 	}
-	radiance[i].rgb -= to_rgb(lost);
+	radiance[i] = radiance_before(i) - vec4(to_rgb(lost), 0.0);
 	if (WANTED(FEATURE_LAYERS) != 0)
 		inscatter[i].rgb -= to_rgb(air);
 }

@@ -108,6 +108,7 @@ typedef unsigned int uint;
 #define UNIT_VERTICES 30
 #define UNIT_MATERIALS 31
 #define UNIT_AMBIENT 32
+#define UNIT_RADIANCE 33
 
 /* Samples of a pixel in the raster pass. */
 #define RASTER_SAMPLES 4

@@ -59,7 +59,7 @@ void write_spectral(int i, Ray ray, vec4 L, vec4 T)
 /* Adds a batch's share to what the strip holds; the first batch finds anything there. */
 void add_color(int i, vec4 color)
 {
-	radiance[i] = batch == 0 ? color : radiance[i] + color;
+	radiance[i] = batch == 0 ? color : radiance_before(i) + color;
 }
 
 void add_layers(int i, Ray ray, vec4 L, vec4 T)

@@ -14,6 +14,13 @@ layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_INSCATTER) buffer Inscatter { vec4 inscatter[]; };
 layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
 
+/* What kernels before this one have left in the pixel. */
+layout(binding = UNIT_RADIANCE) uniform samplerBuffer radiance_texels;
+vec4 radiance_before(int i)
+{
+	return texelFetch(radiance_texels, i);
+}
+
 /* PLAIN, chosen when the program is built: pixels of an image without layers, and none that the sun's disk may touch. */
 #ifdef PLAIN
 #define WANTED(bits) 0
@@ -49,13 +56,13 @@ void add_surface(int i, float t, float coverage, vec4 air, vec4 L, float through
 {
 	vec4 seen = coverage * (through * (air + L) - lost);
 	if (WANTED(FEATURE_SPECTRAL) != 0) {
-		radiance[i] = max(radiance[i] + seen, 0.0);
+		radiance[i] = max(radiance_before(i) + seen, 0.0);
 		return;
 	}
 #ifdef CLOUDS
-	vec4 begun = radiance[i];
+	vec4 begun = radiance_before(i);
 #else
-	vec4 begun = batch == 0 && coverage >= 1.0 ? vec4(0.0) : radiance[i];
+	vec4 begun = batch == 0 && coverage >= 1.0 ? vec4(0.0) : radiance_before(i);
 #endif
 	radiance[i] = vec4(begun.rgb + to_rgb(seen), begun.a);
 	if (WANTED(FEATURE_LAYERS) != 0)
