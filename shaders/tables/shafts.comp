@@ -32,6 +32,30 @@ float shadowed_share(int plane, float x0, float x1, float z0, float z1)
 	return clamp(sum / (x1 - x0), 0.0, 1.0);
 }
 
+const int SOURCE_EVERY = 2; /* slices for one of the light: that varies slowly */
+
+/* Slices between which the ray may lose light: from where the mesh can hide the sun from it to beyond the map, the air or all ground. */
+ivec2 slices_of(ShaftRay ray)
+{
+	vec2 way = shaft_interval(ray, max(ray.entered, 0.0), ray.top);
+	float ground = ray_ground_distance(ray.h - min(surfaces.low.y, 0.0), ray.mu);
+	way.y = ground >= 0.0 ? min(way.y, ground) : way.y;
+	int first = clamp(int(shaft_slice(way.x)), 0, SHAFT_DISTANCES - 1) / SOURCE_EVERY * SOURCE_EVERY;
+	return ivec2(first, ray.entered < 0.0 || way.y <= way.x ? first : clamp(int(shaft_slice(way.y)) + 2, first, SHAFT_DISTANCES));
+}
+
+/* Shadowed share of the ray between two distances. */
+float share_between(ShaftRay ray, int plane, vec2 line, float sine, float from, float to)
+{
+	float scale = float(SHAFT_DEPTHS) / max(line.y - line.x, 1e-3), x0 = (from * sine - line.x) * scale, x1 = (to * sine - line.x) * scale;
+	float inside0 = clamp(x0, 0.0, float(SHAFT_DEPTHS)), inside1 = clamp(x1, 0.0, float(SHAFT_DEPTHS));
+	if (inside1 <= inside0)
+		return 0.0;
+	float z0 = ray.place.z + from * ray.step.z, per_x = (to - from) * ray.step.z / (x1 - x0);
+	return shadowed_share(plane, inside0, inside1, z0 + (inside0 - x0) * per_x, z0 + (inside1 - x0) * per_x) *
+		(inside1 - inside0) / (x1 - x0);
+}
+
 void main()
 {
 	ivec2 at = ivec2(gl_GlobalInvocationID.xy);
@@ -41,22 +65,25 @@ void main()
 	vec2 angles = vec2(mix(surfaces.shaft_range.x, surfaces.shaft_range.y, f.x), mix(surfaces.shaft_range.z, surfaces.shaft_range.w, f.y));
 	ShaftRay ray = shaft_ray(shaft_direction(angles));
 	vec2 line = shaft_line(angles.y + surfaces.shaft_phi);
-	float scale = float(SHAFT_DEPTHS) / max(line.y - line.x, 1e-3), sine = max(sin(angles.x), 1e-6);
-	vec3 column = shaft_column(ray, max(ray.entered, 0.0), surfaces.shaft_reach.x, 6);
+	ivec2 slices = slices_of(ray);
+	float sine = max(sin(angles.x), 1e-6), from = shaft_distance(float(slices.x));
+	vec3 column = shaft_column(ray, max(ray.entered, 0.0), from, 6);
 	vec4 lost = vec4(0.0);
-	imageStore(table, ivec3(at, 0), vec4(0.0));
-	for (int k = 0; k < SHAFT_DISTANCES; k++) {
-		float from = shaft_distance(float(k)), to = shaft_distance(float(k + 1)), dt = to - from;
-		vec4 source = shaft_source(ray, 0.5 * (from + to), dt, column);
-		float x0 = (from * sine - line.x) * scale, x1 = (to * sine - line.x) * scale;
-		float inside0 = clamp(x0, 0.0, float(SHAFT_DEPTHS)), inside1 = clamp(x1, 0.0, float(SHAFT_DEPTHS));
-		float share = 0.0;
-		if (ray.entered >= 0.0 && from < ray.top && inside1 > inside0) {
-			float z0 = ray.place.z + from * ray.step.z, per_x = dt * ray.step.z / (x1 - x0);
-			share = shadowed_share(at.y, inside0, inside1, z0 + (inside0 - x0) * per_x, z0 + (inside1 - x0) * per_x) *
-				(inside1 - inside0) / (x1 - x0);
+	int k = 0;
+	do
+		imageStore(table, ivec3(at, k), lost);
+	while (++k <= slices.x);
+	k = slices.x;
+	while (k < slices.y) {
+		float dt = shaft_distance(float(k + SOURCE_EVERY)) - from;
+		vec4 source = shaft_source(ray, from + 0.5 * dt, dt, column) / max(bands.sun_irradiance, 1e-30);
+		for (int i = 0; i < SOURCE_EVERY; i++) {
+			float to = shaft_distance(float(++k));
+			lost += source * (1e3 * (to - from) * share_between(ray, at.y, line, sine, from, to));
+			imageStore(table, ivec3(at, k), min(lost, 6e4));
+			from = to;
 		}
-		lost += source / max(bands.sun_irradiance, 1e-30) * (1e3 * share * dt);
-		imageStore(table, ivec3(at, k + 1), min(lost, 6e4));
 	}
+	while (++k <= SHAFT_DISTANCES)
+		imageStore(table, ivec3(at, k), min(lost, 6e4));
 }
