@@ -135,19 +135,26 @@ vec3 light_axis(int row)
 	return normalize(surfaces.shadow_row[shaft_row() + row].xyz);
 }
 
-/* Angle from the sun, and of the plane. */
+/* Chord of the angle from the sun, and angle of the plane. */
 vec2 shaft_angles(vec3 d)
 {
 	vec2 across = vec2(dot(d, light_axis(0)), dot(d, light_axis(1)));
-	float phi = length(across) > 1e-7 ? atan(across.y, across.x) - surfaces.shaft_phi : 0.0;
+	float phi = dot(across, across) > 1e-14 ? atan(across.y, across.x) - surfaces.shaft_phi : 0.0;
 	phi -= 2.0 * PI * round(phi / (2.0 * PI));
-	return vec2(atan(length(across), dot(d, frame.sun_direction.xyz)), phi);
+	return vec2(distance(d, frame.sun_direction.xyz), phi);
+}
+
+/* Cosine and sine of the angle that has this chord. */
+vec2 shaft_turn(float chord)
+{
+	return vec2(1.0 - 0.5 * chord * chord, chord * sqrt(max(1.0 - 0.25 * chord * chord, 0.0)));
 }
 
 vec3 shaft_direction(vec2 angles)
 {
 	float phi = angles.y + surfaces.shaft_phi;
-	return normalize(frame.sun_direction.xyz * cos(angles.x) + (light_axis(0) * cos(phi) + light_axis(1) * sin(phi)) * sin(angles.x));
+	vec2 turn = shaft_turn(angles.x);
+	return normalize(frame.sun_direction.xyz * turn.x + (light_axis(0) * cos(phi) + light_axis(1) * sin(phi)) * turn.y);
 }
 
 /* Distances are dense near the camera. */

@@ -96,7 +96,7 @@ typedef unsigned int uint;
 #define UNIT_SHADOW 21       /* depth from the sun, a layer for each cascade, compared */
 #define UNIT_SHADOW_DEPTH 22 /* the same, read as it is */
 #define UNIT_SHADOW_MOMENTS 23
-#define UNIT_SHAFTS 24       /* shadowed light by angle from the sun, plane and distance */
+#define UNIT_SHAFTS 24       /* shadowed light by chord of the angle from the sun, plane and distance */
 #define UNIT_SHAFT_TREE 25   /* depth from the sun along the planes: minima and maxima */
 
 /* Storage that kernels read as buffer textures: a load from storage goes over components and invocations one by one on
@@ -353,7 +353,7 @@ WELKIN_BLOCK(SurfacesBlock, BIND_SURFACES_BLOCK)
 	float shadow_depth;    /* m: from depth 0 to 1 of cascade 0 */
 	int shaft_steps, shadow_region;
 	float shaft_phi;       /* rad: middle of the planes through the sun that the view has */
-	vec4 shaft_range;      /* rad: angle from the sun, from and to; angle of the plane about shaft_phi, from and to */
+	vec4 shaft_range;      /* chord of the angle from the sun, from and to; angle of the plane about shaft_phi, from and to, rad */
 	vec4 shaft_reach;      /* m from the camera, from and to: where the mesh can throw shadows */
 WELKIN_BLOCK_END(surfaces)
 

@@ -66,7 +66,7 @@ void main()
 	ShaftRay ray = shaft_ray(shaft_direction(angles));
 	vec2 line = shaft_line(angles.y + surfaces.shaft_phi);
 	ivec2 slices = slices_of(ray);
-	float sine = max(sin(angles.x), 1e-6), from = shaft_distance(float(slices.x));
+	float sine = max(shaft_turn(angles.x).y, 1e-6), from = shaft_distance(float(slices.x));
 	vec3 column = shaft_column(ray, max(ray.entered, 0.0), from, 6);
 	vec4 lost = vec4(0.0);
 	int k = 0;
