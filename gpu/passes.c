@@ -37,8 +37,8 @@ _Static_assert(sizeof(struct SurfacesBlock) <= SURFACES_STRIDE, "SurfacesBlock o
 _Static_assert(sizeof(struct FittedBlock) <= FITTED_STRIDE, "FittedBlock outgrew its slot");
 
 struct passes {
-	bool synchronous, drawn; /* drawn: ever */
-	unsigned blocks, nodes;  /* buffers */
+	bool synchronous, drawn;           /* drawn: ever */
+	unsigned blocks, nodes;            /* buffers */
 	unsigned fetched[PROGRAM_FETCHED]; /* buffer textures, each of whatever buffer a pass has there */
 	int n_nodes;
 	float (*node_copy)[2]; /* what the device has, to leave out uploads of the same */

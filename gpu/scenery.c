@@ -119,8 +119,8 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	if (draws(f)) {
 		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
 		s->list_drawn = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=1", err);
-		s->gather = programs_get(ws->programs, "surfaces_gather.comp",
-			s->surfaces->normal_mapped ? "" : "NORMAL_MAPS=0", err);
+		s->gather = programs_get(
+			ws->programs, "surfaces_gather.comp", s->surfaces->normal_mapped ? "" : "NORMAL_MAPS=0", err);
 	}
 	if (f->plan.features & FEATURE_SHAFTS) {
 		shafts_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
