@@ -252,6 +252,7 @@ typedef unsigned int uint;
 #define SHADOW_BILINEAR 1
 #define SHADOW_GAUSSIAN 2
 #define SHADOW_VARIANCE 3
+#define SHADOW_SOFT 4
 
 /* FrameBlock.output_format */
 #define OUTPUT_RGBA8 0
