@@ -21,7 +21,7 @@ static const char *const phases[] = { "cornette_shanks", "henyey_greenstein", "s
 static const char *const exposure_modes[] = { "auto", "ev", "pupil", NULL };
 static const char *const tone_maps[] = { "agx", "aces", "reinhard", "exponential", "none", NULL };
 static const char *const shadings[] = { "physical", "phong", NULL };
-static const char *const shadows[] = { "none", "bilinear", "gaussian", "variance", "off", NULL };
+static const char *const shadows[] = { "none", "bilinear", "gaussian", "variance", "soft", "off", NULL };
 static const char *const shadow_regions[] = { "static", "fitted", "cascaded", NULL };
 static const char *const shafts[] = { "auto", "none", "march", "epipolar", NULL };
 
@@ -342,8 +342,9 @@ static const struct welkin_field built_in[] = {
 		"diffuse and specular, as in 2015).",
 		shadings, AT(scene.shading) },
 	{ "scene.shadow", WELKIN_TYPE_ENUM, "", 0, 0, "gaussian",
-		"How the shadow map is read: none (one comparison), bilinear, gaussian or variance; off for no "
-		"shadows.",
+		"How the shadow map is read: none (one comparison), bilinear, gaussian, variance, or soft (edges as "
+		"wide "
+		"as the sun's disk makes them, by the distance of what throws the shadow); off for no shadows.",
 		shadows, AT(scene.shadow) },
 	{ "scene.shadow_region", WELKIN_TYPE_ENUM, "", 0, 0, "static",
 		"What the shadow map covers: static (the whole scene, one map for every camera), fitted (what the view "

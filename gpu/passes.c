@@ -22,22 +22,24 @@ enum {
 	OFFSET_MEDIA = 256,
 	OFFSET_METHOD = 768,
 	OFFSET_CLOUDS = 1024,
-	OFFSET_BANDS = 1536
+	OFFSET_BANDS = 1536,
+	BANDS_STRIDE = 512
 };
-enum { OFFSET_FITTED = OFFSET_BANDS + SCENE_MAX_BATCHES * BLOCK_STRIDE, FITTED_STRIDE = 512 };
+enum { OFFSET_FITTED = OFFSET_BANDS + SCENE_MAX_BATCHES * BANDS_STRIDE, FITTED_STRIDE = 512 };
 enum { OFFSET_SURFACES = OFFSET_FITTED + SCENE_MAX_BATCHES * FITTED_STRIDE, SURFACES_STRIDE = 512 };
 enum { BLOCKS_BYTES = OFFSET_SURFACES + SURFACES_STRIDE };
 
 _Static_assert(sizeof(struct FrameBlock) <= BLOCK_STRIDE, "FrameBlock outgrew its slot");
 _Static_assert(sizeof(struct MediaBlock) <= OFFSET_METHOD - OFFSET_MEDIA, "MediaBlock outgrew its slot");
 _Static_assert(sizeof(struct CloudsBlock) <= OFFSET_BANDS - OFFSET_CLOUDS, "CloudsBlock outgrew its slot");
-_Static_assert(sizeof(struct BandsBlock) <= BLOCK_STRIDE, "BandsBlock outgrew its slot");
+_Static_assert(sizeof(struct BandsBlock) <= BANDS_STRIDE, "BandsBlock outgrew its slot");
 _Static_assert(sizeof(struct SurfacesBlock) <= SURFACES_STRIDE, "SurfacesBlock outgrew its slot");
 _Static_assert(sizeof(struct FittedBlock) <= FITTED_STRIDE, "FittedBlock outgrew its slot");
 
 struct passes {
-	bool synchronous, drawn; /* drawn: ever */
-	unsigned blocks, nodes;  /* buffers */
+	bool synchronous, drawn;           /* drawn: ever */
+	unsigned blocks, nodes;            /* buffers */
+	unsigned fetched[PROGRAM_FETCHED]; /* buffer textures, each of whatever buffer a pass has there */
 	int n_nodes;
 	float (*node_copy)[2]; /* what the device has, to leave out uploads of the same */
 	int n;                 /* passes in this slice */
@@ -59,6 +61,7 @@ struct passes *passes_create(bool synchronous, struct error *err)
 	glNamedBufferStorage(p->blocks, BLOCKS_BYTES, NULL, GL_DYNAMIC_STORAGE_BIT);
 	glCreateBuffers(1, &p->nodes);
 	glNamedBufferStorage(p->nodes, SCENE_MAX_NODES * sizeof *p->node_copy, NULL, GL_DYNAMIC_STORAGE_BIT);
+	glCreateTextures(GL_TEXTURE_BUFFER, PROGRAM_FETCHED, p->fetched);
 	glCreateQueries(GL_TIMESTAMP, SLICE_PASSES + 1, p->queries);
 	return p;
 }
@@ -70,6 +73,7 @@ void passes_destroy(struct passes *passes)
 	glDeleteQueries(SLICE_PASSES + 1, passes->queries);
 	glDeleteBuffers(1, &passes->blocks);
 	glDeleteBuffers(1, &passes->nodes);
+	glDeleteTextures(PROGRAM_FETCHED, passes->fetched);
 	free(passes->node_copy);
 	free(passes);
 }
@@ -82,8 +86,8 @@ void passes_blocks(struct passes *passes, const struct scene *scene)
 	memcpy(bytes + OFFSET_CLOUDS, &scene->clouds, sizeof scene->clouds);
 	memcpy(bytes + OFFSET_METHOD, scene->method_values, sizeof scene->method_values);
 	for (int i = 0; i < scene->n_batches; i++)
-		memcpy(bytes + OFFSET_BANDS + i * BLOCK_STRIDE, &scene->batches[i], sizeof scene->batches[i]);
-	glNamedBufferSubData(passes->blocks, 0, OFFSET_BANDS + scene->n_batches * BLOCK_STRIDE, bytes);
+		memcpy(bytes + OFFSET_BANDS + i * BANDS_STRIDE, &scene->batches[i], sizeof scene->batches[i]);
+	glNamedBufferSubData(passes->blocks, 0, OFFSET_BANDS + scene->n_batches * BANDS_STRIDE, bytes);
 	for (int i = 0; i < scene->n_batches; i++)
 		memcpy(bytes + OFFSET_FITTED + i * FITTED_STRIDE, &scene->fitted[i], sizeof scene->fitted[i]);
 	glNamedBufferSubData(passes->blocks, OFFSET_FITTED, scene->n_batches * FITTED_STRIDE, bytes + OFFSET_FITTED);
@@ -120,15 +124,27 @@ static void bind_storage(const struct passes *passes, const unsigned storage[PAS
 		GL_UNIFORM_BUFFER, BIND_SURFACES_BLOCK, passes->blocks, OFFSET_SURFACES, sizeof(struct SurfacesBlock));
 }
 
+static void bind_fetched(const struct passes *passes, const struct pass *pass)
+{
+	for (int i = 0; i < PROGRAM_FETCHED; i++) {
+		const struct fetched *f = &program_fetched[i];
+		if (!(pass->program->fetches & 1u << i))
+			continue;
+		glTextureBuffer(passes->fetched[i], f->format, pass->storage[f->bind]);
+		glBindTextureUnit((GLuint)f->unit, passes->fetched[i]);
+	}
+}
+
 static void bind(const struct passes *passes, const struct pass *pass)
 {
 	const GLuint b = passes->blocks, uniform[] = { b, b, b, b, b, b };
-	const GLintptr offsets[] = { OFFSET_FRAME, OFFSET_MEDIA, OFFSET_BANDS + pass->batch * BLOCK_STRIDE,
+	const GLintptr offsets[] = { OFFSET_FRAME, OFFSET_MEDIA, OFFSET_BANDS + pass->batch * BANDS_STRIDE,
 		OFFSET_FITTED + pass->batch * FITTED_STRIDE, OFFSET_METHOD, OFFSET_CLOUDS };
 	const GLsizeiptr sizes[] = { sizeof(struct FrameBlock), sizeof(struct MediaBlock), sizeof(struct BandsBlock),
 		sizeof(struct FittedBlock), METHOD_VALUES * sizeof(float), sizeof(struct CloudsBlock) };
 	glBindBuffersRange(GL_UNIFORM_BUFFER, BIND_FRAME, 6, uniform, offsets, sizes);
 	bind_storage(passes, pass->storage);
+	bind_fetched(passes, pass);
 	if (pass->image)
 		glBindImageTexture(0, pass->image, 0, GL_TRUE, 0, GL_WRITE_ONLY, pass->image_format);
 	const GLuint id = pass->program->id;

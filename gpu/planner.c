@@ -143,7 +143,7 @@ static bool sun_reaches(const struct welkin_job *job, const struct mesh_header *
 static void plan_shadows(struct plan *plan, const struct welkin_job *job, const struct mesh_header *mesh)
 {
 	static const char pass[] = "shadow-map", *const filters[] = { "one comparison", "bilinear", "gaussian",
-		"variance" };
+		"variance", "by the sun's size" };
 	if (job->request.scene.shadow == WELKIN_SHADOW_OFF)
 		planner_note(plan, pass, false, "not asked for");
 	else if (!sun_reaches(job, mesh))

@@ -10,6 +10,17 @@
 
 enum { PROGRAMS_MAX = 192, ADDED_MAX = 64, FILES_MAX = 32, DEPTH_MAX = 8, STRETCHES_MAX = 2 * FILES_MAX + 64 };
 
+const struct fetched program_fetched[PROGRAM_FETCHED] = {
+	{ "direction_texels", BIND_DIRECTIONS, UNIT_DIRECTIONS, GL_RGBA32F },
+	{ "surface_texels", BIND_SURFACES, UNIT_SURFACES, GL_RGBA32UI },
+	{ "node_texels", BIND_BVH, UNIT_BVH, GL_RGBA32UI },
+	{ "triangle_texels", BIND_TRIANGLES, UNIT_TRIANGLES, GL_RGBA32UI },
+	{ "vertex_texels", BIND_VERTICES, UNIT_VERTICES, GL_RGBA32UI },
+	{ "material_texels", BIND_MATERIALS, UNIT_MATERIALS, GL_RGBA32UI },
+	{ "ambient_texels", BIND_AMBIENT, UNIT_AMBIENT, GL_R32F },
+	{ "radiance_texels", BIND_RADIANCE, UNIT_RADIANCE, GL_RGBA32F },
+};
+
 /* A file that is not in the folder of shaders. */
 struct added {
 	char name[64], shown[64];
@@ -282,7 +293,7 @@ bool programs_add_file(struct programs *programs, const char *name, const char *
 
 const struct program *programs_get(struct programs *programs, const char *name, const char *choices, struct error *err)
 {
-	char full[96];
+	char full[128];
 	snprintf(full, sizeof full, "%s%s%s", name, *choices ? " " : "", choices);
 	for (int i = 0; i < programs->n; i++)
 		if (strcmp(programs->list[i].name, full) == 0)
@@ -308,5 +319,7 @@ const struct program *programs_get(struct programs *programs, const char *name, 
 	p->has_rows = glGetUniformLocation(id, "rows") == LOCATION_ROWS;
 	p->has_groups = glGetUniformLocation(id, "group_list") == LOCATION_GROUPS;
 	p->has_box = glGetUniformLocation(id, "box") == LOCATION_BOX;
+	for (int i = 0; i < PROGRAM_FETCHED; i++)
+		p->fetches |= glGetUniformLocation(id, program_fetched[i].sampler) >= 0 ? 1u << i : 0;
 	return p;
 }

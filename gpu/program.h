@@ -13,12 +13,22 @@ struct programs *programs_create(const char *shader_dir);
 void programs_destroy(struct programs *programs);
 
 struct program {
-	char name[96]; /* with its choices */
+	char name[128]; /* with its choices */
 	unsigned id;
 	int group[3]; /* local size; 0 of a program that draws */
 	bool has_tile, has_batch, has_iteration, has_samples, has_planes, has_white, has_rows, has_box,
 		has_groups; /* which plain uniforms of shared.h it uses */
+	unsigned fetches;   /* bit i: storage program_fetched[i] as a buffer texture */
 };
+
+/* Storage that kernels may read as a buffer texture instead, by the name of the sampler. */
+enum { PROGRAM_FETCHED = 8 };
+struct fetched {
+	const char *sampler;
+	int bind, unit; /* BIND_, UNIT_ of shared.h */
+	unsigned format;
+};
+extern const struct fetched program_fetched[PROGRAM_FETCHED];
 
 /* Adds a file that is in memory: `name` is how programs_get() and #include lines know it, in front of all others;
  * `shown` is how messages call it. text becomes the callee's, malloc'd. false: out of memory. */

@@ -257,6 +257,10 @@ static void set_band(struct BandsBlock *bands, int i, const struct MediaBlock *m
 	bands->ozone[i] =
 		(float)(air->ozone_column_du * dobson_per_m2 * spectrum_ozone(wavelength_nm) / air->ozone_half_width_m);
 	bands->ground_albedo[i] = (float)spectrum_linear(request->ground_albedo, wavelength_nm);
+	/* edges chosen so that the primaries come back under daylight (tests/test_surfaces.c says how well) */
+	const double blue = 1 / (1 + exp((wavelength_nm - 493) / 9)), red = 1 / (1 + exp((587 - wavelength_nm) / 8));
+	bands->blue[i] = (float)blue;
+	bands->red[i] = (float)fmin(red, 1 - blue);
 	for (int k = 0; k < 3; k++) {
 		bands->daylight[k][i] = (float)daylight[k];
 		bands->to_rgb[k][i] = (float)to_rgb[k];

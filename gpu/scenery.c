@@ -76,16 +76,18 @@ static const char *clouded(const struct frame *f)
 
 static const struct program *choose_light(struct workspace *ws, const struct frame *f, struct error *err)
 {
-	char choices[64];
-	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d SHADING=%d SHADOW_FILTER=%d%s%s",
-		f->method->single_scattering, f->scene.surfaces.shading, f->scene.surfaces.shadow_filter, plain(f),
-		clouded(f));
+	char choices[112];
+	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d SCALED=%d SHADING=%d SHADOW_FILTER=%d%s%s%s%s",
+		f->method->single_scattering, !f->method->single_scattering, f->scene.surfaces.shading,
+		f->scene.surfaces.shadow_filter, plain(f), clouded(f), f->plan.epipolar ? " SHAFTS=1" : "",
+		f->scenery.surfaces->glossy ? "" : " MATTE=1");
 	return programs_get(ws->programs, "surfaces.comp", choices, err);
 }
 
+/* From the table, the kernel that lights surfaces takes from the air before them as well. */
 static bool choose_shafts(struct workspace *ws, struct frame *f, struct error *err)
 {
-	for (int behind = 0; behind < 2; behind++) {
+	for (int behind = f->plan.epipolar; behind < 2; behind++) {
 		char choices[64];
 		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d BEHIND=%d%s%s", f->plan.epipolar,
 			!f->method->single_scattering, behind, plain(f), clouded(f));
@@ -117,7 +119,8 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	if (draws(f)) {
 		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
 		s->list_drawn = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=1", err);
-		s->gather = programs_get(ws->programs, "surfaces_gather.comp", "", err);
+		s->gather = programs_get(
+			ws->programs, "surfaces_gather.comp", s->surfaces->normal_mapped ? "" : "NORMAL_MAPS=0", err);
 	}
 	if (f->plan.features & FEATURE_SHAFTS) {
 		shafts_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
@@ -308,7 +311,7 @@ void scenery_restrict(const struct workspace *ws, struct pass *pass, int list)
 
 static bool empty_lists(struct workspace *ws, int pixels, struct error *err)
 {
-	static const uint heads[GROUPS_LISTS][GROUPS_HEAD] = { { 0, 1, 1, 0 }, { 0, 1, 1, 0 }, { 0, 1, 1, 0 } };
+	static const uint heads[GROUPS_LISTS][GROUPS_HEAD] = { { 0, 1, 1, 0 }, { 0, 1, 1, 0 } };
 	const size_t groups = ((size_t)pixels + WORKGROUP_LINE - 1) / WORKGROUP_LINE;
 	if (!workspace_reserve(&ws->groups, (GROUPS_FIRST + GROUPS_LISTS * groups) * sizeof(uint), false, err))
 		return false;
@@ -339,9 +342,8 @@ static bool gather_records(struct workspace *ws, const struct frame *f, struct p
 	run_list(ws, f->scenery.list_drawn, *pass);
 	pass->name = "surfaces-gather";
 	pass->program = f->scenery.gather;
-	scenery_restrict(ws, pass, GROUPS_DRAWN);
+	scenery_restrict(ws, pass, GROUPS_SURFACES);
 	passes_run(ws->passes, pass);
-	pass->indirect = 0;
 	return true;
 }
 
@@ -370,10 +372,9 @@ bool scenery_records(struct workspace *ws, const struct frame *f, const int tile
 	pass.storage[BIND_DIRECTIONS] = image ? ws->rays.id : ws->directions.id;
 	pass.storage[BIND_SURFACES] = ws->surface.id;
 	/* for the few pixels of the meter, rays are cheaper than a look at every triangle */
-	if (!s->draw || f->stage == FRAME_METER)
-		cast_records(ws, f, &pass);
-	else if (!gather_records(ws, f, &pass, err))
-		return false;
+	if (s->draw && f->stage != FRAME_METER)
+		return gather_records(ws, f, &pass, err);
+	cast_records(ws, f, &pass);
 	if (image)
 		run_list(ws, s->list, pass);
 	return true;
@@ -403,13 +404,10 @@ void scenery_light(
 	pass.storage[BIND_CLOUD_LIGHT] = ws->cloud_light.id;
 	pass.storage[BIND_CLOUD_PLACE] = ws->cloud_place.id;
 	run_listed(ws, f, pass, GROUPS_SURFACES);
-	if (!s->shafts[0])
-		return;
 	pass.name = "shafts";
-	pass.program = s->shafts[0];
-	run_listed(ws, f, pass, GROUPS_SURFACES);
-	pass.program = s->shafts[1];
-	run_listed(ws, f, pass, GROUPS_SKY);
+	for (int behind = 0; behind < 2; behind++)
+		if ((pass.program = s->shafts[behind]))
+			run_listed(ws, f, pass, behind ? GROUPS_SKY : GROUPS_SURFACES);
 }
 
 void scenery_bind_rays(struct workspace *ws, const struct frame *f, unsigned storage[PASS_STORAGE])

@@ -7,9 +7,11 @@
 
 /* Biases in texels, by the slope of what throws the shadow: half a texel each way for one comparison, as far as the
  * filter reaches otherwise. */
-static const float slope_bias[] = {
-	[SHADOW_NONE] = 1.1f, [SHADOW_BILINEAR] = 2.1f, [SHADOW_GAUSSIAN] = 3.5f, [SHADOW_VARIANCE] = 1.1f
-};
+static const float slope_bias[] = { [SHADOW_NONE] = 1.1f,
+	[SHADOW_BILINEAR] = 2.1f,
+	[SHADOW_GAUSSIAN] = 3.5f,
+	[SHADOW_VARIANCE] = 1.1f,
+	[SHADOW_SOFT] = 3 };
 
 /* Where the sun looks from: axes in the mesh's frame, z away from the sun. */
 struct light_frame {

@@ -39,6 +39,11 @@ static void direction_at(const struct surfaces_window *w, double x, double y, do
 		d[k] /= sqrt(length);
 }
 
+static float chord(double angle)
+{
+	return (float)(2 * sin(angle / 2));
+}
+
 /* The angles that a window has. Its border holds the extremes, unless the sun or the point across from it lies within,
  * where all planes meet. */
 static void find_range(struct SurfacesBlock *block, const struct surfaces_window *window)
@@ -65,8 +70,8 @@ static void find_range(struct SurfacesBlock *block, const struct surfaces_window
 	const double margin[2] = { 0.01 * (high[0] - low[0]) + 1e-4, 0.01 * (high[1] - low[1]) + 1e-4 };
 	const bool around = fabs(turns) > M_PI || high[1] - low[1] > 1.9 * M_PI;
 	block->shaft_phi = (float)phi0;
-	block->shaft_range[0] = (float)(around && middle < M_PI / 2 ? 0 : fmax(low[0] - margin[0], 0));
-	block->shaft_range[1] = (float)(around && middle > M_PI / 2 ? M_PI : fmin(high[0] + margin[0], M_PI));
+	block->shaft_range[0] = chord(around && middle < M_PI / 2 ? 0 : fmax(low[0] - margin[0], 0));
+	block->shaft_range[1] = chord(around && middle > M_PI / 2 ? M_PI : fmin(high[0] + margin[0], M_PI));
 	block->shaft_range[2] = (float)(around ? -M_PI : fmax(low[1] - margin[1], -M_PI));
 	block->shaft_range[3] = (float)(around ? M_PI : fmin(high[1] + margin[1], M_PI));
 }
@@ -87,7 +92,7 @@ void shafts_prepare(struct SurfacesBlock *block, const struct welkin_request *re
 	block->shaft_reach[1] = (float)(distance + REACH * radius + 1);
 	block->shaft_phi = 0;
 	block->shaft_range[0] = 0;
-	block->shaft_range[1] = (float)M_PI;
+	block->shaft_range[1] = chord(M_PI);
 	block->shaft_range[2] = (float)-M_PI;
 	block->shaft_range[3] = (float)M_PI;
 	if (window)

@@ -215,6 +215,8 @@ static bool upload_materials(struct build *b)
 		list[i].specular[3] = m->opacity;
 		list[i].albedo_texture = m->albedo_texture;
 		list[i].normal_texture = m->normal_texture;
+		b->s->normal_mapped |= m->normal_texture >= 0;
+		b->s->glossy |= m->specular[0] > 0 || m->specular[1] > 0 || m->specular[2] > 0;
 	}
 	if (list)
 		b->s->materials = upload(b->s, list, n * sizeof *list);
@@ -281,6 +283,19 @@ static bool build(struct build *b)
 	return ok;
 }
 
+/* Kernels fetch three texels a triangle, two a vertex. */
+static bool device_holds(const struct mesh_header *mesh, struct error *err)
+{
+	GLint most = 0;
+	glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
+	if (mesh->n_vertices >= 1u << VERTEX_BITS)
+		return error_set(
+			err, "the scene has %u vertices, more than %u", mesh->n_vertices, (1u << VERTEX_BITS) - 1);
+	if (mesh->n_indices > (uint32_t)most || 2 * mesh->n_vertices > (uint32_t)most)
+		return error_set(err, "the scene has %u triangles, too many for the device", mesh->n_indices / 3);
+	return true;
+}
+
 static void make_key(struct key *key, const struct mesh_header *mesh, const struct welkin_request *request)
 {
 	memset(key, 0, sizeof *key);
@@ -297,10 +312,8 @@ struct surfaces *surfaces_need(struct frame_tables *tables, const struct mesh_he
 	struct surfaces *s = tables_kept(tables, &kind, &key, sizeof key);
 	if (s)
 		return s;
-	if (mesh->n_vertices >= 1u << VERTEX_BITS) {
-		error_set(err, "the scene has %u vertices, more than %u", mesh->n_vertices, (1u << VERTEX_BITS) - 1);
+	if (!device_holds(mesh, err))
 		return NULL;
-	}
 	s = calloc(1, sizeof *s);
 	if (!s) {
 		error_set(err, "out of memory");

@@ -28,8 +28,9 @@ struct surfaces {
 	unsigned vertices, drawn, indices, materials, nodes, triangles, ambient; /* buffers */
 	unsigned albedo, normal;                                                 /* texture arrays */
 	struct surfaces_cluster *clusters;
-	struct draw_list list; /* room for all clusters */
-	uint32_t ambient_done; /* vertices whose share of open sky is known */
+	struct draw_list list;      /* room for all clusters */
+	bool glossy, normal_mapped; /* any of its materials is */
+	uint32_t ambient_done;      /* vertices whose share of open sky is known */
 	double bytes;
 };
 

@@ -4,21 +4,21 @@
 
 layout(binding = UNIT_AERIAL) uniform sampler3D aerial_texture;
 
-/* Transmittance of the ray between its start and t. Rays that meet the ground have no column of their own: theirs is
+/* Column of the ray between its start and t. Rays that meet the ground have none of their own in the table: theirs is
  * that of the opposite ray, which rises. */
-vec4 aerial_transmittance(AerialRay ray, float t)
+vec3 aerial_column_of(AerialRay ray, float t)
 {
 	float h = altitude_at(ray.h, ray.mu, t), mu = mu_at(ray.h, ray.mu, t, h), way = ray.below ? -1.0 : 1.0;
-	vec3 column = way * (sun_column(ray.h, way * ray.mu) - sun_column(h, way * mu));
-	return exp(-optical_depth(max(column, 0.0)));
+	return max(way * (sun_column(ray.h, way * ray.mu) - sun_column(h, way * mu)), 0.0);
 }
 
 /* Along d, a unit vector, from the camera to distance t in m: the light L that the air scatters into the ray on that
- * stretch (W/m²/sr/nm), and its transmittance T. The ground, what stands there, and the sun's disk are the caller's. */
-void aerial_perspective(vec3 d, float t, out vec4 L, out vec4 T)
+ * stretch (W/m²/sr/nm), its transmittance T, and its column. The ground, what stands there, and the sun's disk are the caller's. */
+void aerial_perspective(vec3 d, float t, out vec4 L, out vec4 T, out vec3 column)
 {
 	L = vec4(0.0);
 	T = vec4(1.0);
+	column = vec3(0.0);
 	vec3 size = aerial_size();
 	vec2 texel = sky_view_texel(d, size.xy);
 	AerialRay ray = aerial_ray(d, texel.y >= 0.5 * size.y);
@@ -31,5 +31,12 @@ void aerial_perspective(vec3 d, float t, out vec4 L, out vec4 T)
 	L = smooth_part * textureLod(aerial_texture, at, 0.0) +
 	    aerosol * textureLod(aerial_texture, at + vec3(0.0, 0.0, 0.5), 0.0) * phase_aerosol(dot(d, frame.sun_direction.xyz));
 	L *= bands.sun_irradiance;
-	T = aerial_transmittance(ray, t);
+	column = aerial_column_of(ray, t);
+	T = exp(-optical_depth(column));
+}
+
+void aerial_perspective(vec3 d, float t, out vec4 L, out vec4 T)
+{
+	vec3 column;
+	aerial_perspective(d, t, L, T, column);
 }

@@ -16,8 +16,20 @@ struct Triangle {
 	vec4 corner[3]; /* w: bits of the vertex' number, and above them a third of the material's */
 };
 
-layout(std430, binding = BIND_BVH) readonly buffer BvhNodes { BvhNode bvh_nodes[]; };
-layout(std430, binding = BIND_TRIANGLES) readonly buffer Triangles { Triangle triangles[]; };
+layout(binding = UNIT_BVH) uniform usamplerBuffer node_texels;
+layout(binding = UNIT_TRIANGLES) uniform usamplerBuffer triangle_texels;
+
+BvhChild bvh_child(int node, int k)
+{
+	uvec4 a = texelFetch(node_texels, 4 * node + 2 * k), b = texelFetch(node_texels, 4 * node + 2 * k + 1);
+	return BvhChild(uintBitsToFloat(a.xyz), int(a.w), uintBitsToFloat(b.xyz), int(b.w));
+}
+
+Triangle triangle_at(int i)
+{
+	return Triangle(vec4[3](uintBitsToFloat(texelFetch(triangle_texels, 3 * i)), uintBitsToFloat(texelFetch(triangle_texels, 3 * i + 1)),
+		uintBitsToFloat(texelFetch(triangle_texels, 3 * i + 2))));
+}
 
 const int BVH_STACK = 57; /* BVH_DEPTH_MAX + 1 */
 
@@ -58,7 +70,8 @@ int bvh_trace(vec3 origin, vec3 d, inout float t, bool any_will_do)
 #ifdef CLOUDS
 		bvh_visits++;
 #endif
-		BvhNode node = bvh_nodes[stack[--top]];
+		int at = stack[--top];
+		BvhNode node = BvhNode(BvhChild[2](bvh_child(at, 0), bvh_child(at, 1)));
 		float e0 = bvh_enter(node.child[0], origin, inverse, t), e1 = bvh_enter(node.child[1], origin, inverse, t);
 		int far_child = e1 > e0 ? 1 : 0;
 		for (int k = 0; k < 2; k++) {
@@ -74,7 +87,7 @@ int bvh_trace(vec3 origin, vec3 d, inout float t, bool any_will_do)
 				continue;
 			}
 			for (int i = first; i < first + count; i++)
-				if (bvh_triangle(triangles[i], origin, d, t))
+				if (bvh_triangle(triangle_at(i), origin, d, t))
 					hit = i;
 		}
 		if (any_will_do && hit >= 0)

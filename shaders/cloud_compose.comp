@@ -3,6 +3,7 @@
  * dimmed, the clouds' own light is coloured by the sun, sky and ground at the place where they are, and the air in
  * front of them covers them.
  */
+#include "directions.glsl"
 #include "multiple_table.glsl"
 #include "aerial.glsl"
 #include "cloud_shadow.glsl"
@@ -38,7 +39,6 @@ layout(std430, binding = BIND_CLOUD_SHADE) buffer Shade { vec4 shade[]; };
 layout(std430, binding = BIND_CLOUD_LAYER) buffer CloudLayer { vec4 cloud_layer[]; };
 #endif
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
-layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer Place { vec4 place[]; };
 
@@ -115,7 +115,7 @@ void main()
 		shade[2 * at] = s.open;
 		shade[2 * at + 1] = s.behind;
 		/* the others are composed */
-		if (!composed(light[at], direction[at]))
+		if (!composed(light[at], direction_of(at)))
 			radiance[at].rgb += to_rgb(s.open + s.behind);
 	} else {
 		lattice[3 * at] = s.open;
@@ -214,7 +214,7 @@ void main()
 		return;
 #endif
 	bool spectral = (frame.features & FEATURE_SPECTRAL) != 0;
-	vec4 at = direction[spectral ? tile.x + i : i];
+	vec4 at = direction_of(spectral ? tile.x + i : i);
 	if (at.w < 0.0) {
 		add_to_layer(i, vec3(0.0), 1.0, 0.0);
 		return;

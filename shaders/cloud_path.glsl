@@ -257,7 +257,7 @@ vec4 meet_surface(inout Vertex v, Surface s, out vec3 axis)
 	light.n = s.normal;
 	light.v = -path_to_world(v.d);
 	light.l = frame.sun_direction.xyz;
-	vec4 glint = spectral_albedo(clamp(specular_brdf(materials[s.material], light), 0.0, 1e3));
+	vec4 glint = spectral_albedo(clamp(specular_brdf(material_at(s.material), light), 0.0, 1e3));
 	float nl = dot(s.face, light.l) > 0.0 ? max(dot(s.normal, light.l), 0.0) : 0.0;
 	v.at += s.face * scene_offset(v.at);
 	axis = from_world(s.normal);
@@ -342,7 +342,7 @@ void scatter_next(inout Paths p, Flight f, float ground, float extent, float hit
 	count_visits();
 	surface = triangle >= 0;
 	if (surface) {
-		surface_met = surface_hit(triangles[triangle], v.at, d, p.order == 1 ? 1e-4 : 0.02);
+		surface_met = surface_hit(triangle_at(triangle), v.at, d, p.order == 1 ? 1e-4 : 0.02);
 		end_albedo = spectral_albedo(surface_met.albedo);
 		p.sheet = Sheet(0.0, 0.0);
 		cloud = false;

@@ -3,6 +3,7 @@
  * cloud_compose.comp has worked it out: smooth as long as all four rays end in the air, and little next to what is seen. The others are listed for it, and
  * so are pixels with clouds, which alone have more to compose.
  */
+#include "directions.glsl"
 #include "cloud_lattice.glsl"
 #include "colour.glsl"
 
@@ -12,7 +13,6 @@ layout(std430, binding = BIND_CLOUD_LATTICE) readonly buffer Lattice { vec4 latt
 layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
 layout(std430, binding = BIND_CLOUD_SHADE) writeonly buffer Shade { vec4 shade[]; };
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
-layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
 
 const float MOST_CHANGE = 0.03; /* of the pixel's luminance, between corners */
@@ -46,7 +46,7 @@ void main()
 	vec4 change = vec4(taken(corner.x), taken(corner.y), taken(corner.z), taken(corner.w));
 	vec2 most = max(change.xy, change.zw), least = min(change.xy, change.zw);
 	bool little = max(most.x, most.y) - min(least.x, least.y) <= MOST_CHANGE * radiance[i].g;
-	bool clear = !composed(light[i], direction[i]);
+	bool clear = !composed(light[i], direction_of(i));
 	if (!clear)
 		add_to_list(CLOUD_LIST_COMPOSED, i);
 	if (!near_ || !alike_ || !little || a.x == float(COURSE_TO_GROUND)) {

@@ -3,6 +3,7 @@
  * the clouds' answer to three lights of unit strength — the sun's irradiance, a uniform sky above, a uniform ground
  * below — with the place where they are; cloud_compose.comp gives them their colours.
  */
+#include "directions.glsl"
 #include "cloud_march.glsl"
 #include "cloud_history.glsl"
 #include "surface_distance.glsl"
@@ -18,7 +19,6 @@ layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
 #if RAYS == CLOUD_RAYS_GIVEN
-layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
 #else
 layout(std430, binding = BIND_CLOUD_LATTICE) buffer Lattice { vec4 lattice[]; };
 layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
@@ -65,7 +65,7 @@ void main()
 	int i = int(gl_GlobalInvocationID.x);
 	if (i >= tile.z * tile.w)
 		return;
-	vec4 d = direction[(frame.features & FEATURE_SPECTRAL) != 0 ? tile.x + i : i];
+	vec4 d = direction_of((frame.features & FEATURE_SPECTRAL) != 0 ? tile.x + i : i);
 	int side = first_side(i), last = last_side(i);
 	do {
 		Clouds c = march(d, tile.xy + ivec2(i % tile.z, i / tile.z), side_distance(i, side));

@@ -148,7 +148,7 @@ vec4 bounce_surface(inout Vertex v, Surface s)
 		light.n = s.normal;
 		light.v = -v.d;
 		light.l = to_sun;
-		vec4 glint = spectral_albedo(clamp(specular_brdf(materials[s.material], light), 0.0, 1e3));
+		vec4 glint = spectral_albedo(clamp(specular_brdf(material_at(s.material), light), 0.0, 1e3));
 		L = v.beta * (albedo / PI + glint) * bands.sun_irradiance * (nl * sun_transmittance(v.h, dot(v.up, to_sun))) SUNLIT(v);
 	}
 	v.beta *= albedo;
@@ -225,7 +225,7 @@ bool follow_vertex(inout Vertex v, inout float s0, int order, inout vec4 L)
 	int triangle = scene_meet(v.at, v.d, down, extent);
 	if (triangle >= 0) {
 		ends = true;
-		met = surface_hit(triangles[triangle], v.at, v.d, order == 1 ? 1e-4 : 0.02);
+		met = surface_hit(triangle_at(triangle), v.at, v.d, order == 1 ? 1e-4 : 0.02);
 		albedo = spectral_albedo(met.albedo);
 	}
 #endif

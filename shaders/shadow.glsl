@@ -50,6 +50,45 @@ float shadow_variance(vec3 place, float layer)
 	return clamp((bound - 0.1) / 0.9, 0.0, 1.0);
 }
 
+/*
+ * As wide as the sun's disk makes it (after Fernando 2005): what hides the sun at a distance s stands in the way of a cone of radius
+ * s tan(sun's). First a look for such blockers over the widest cone, then the share that is lit of a disk as wide as the cone at
+ * their mean distance. A point of the map that far off the middle hides the disk where it is far enough from the surface to lie in
+ * the cone, or stands well above the surface's own plane, so that slopes don't shade themselves, and no light leaks in between
+ * near blockers and far ones.
+ */
+float shadow_soft(vec3 place, int cascade, vec3 face)
+{
+	const int LOOKS = 16, TAPS = 24;
+	const float STEEP = 8.0; /* what rises more than that towards the sun is not the surface itself */
+	const mat2 turn = mat2(-0.737369, 0.675490, -0.675490, -0.737369); /* by the golden angle */
+	int row = 3 * cascade;
+	vec3 right = surfaces.shadow_row[row].xyz, up = surfaces.shadow_row[row + 1].xyz, away = surfaces.shadow_row[row + 2].xyz;
+	vec3 per_m = vec3(length(right), length(up), length(away)), n = vec3(dot(face, right), dot(face, up), dot(face, away)) / per_m;
+	vec2 falls = n.xy / max(-n.z, 0.05); /* m away from the sun per m across, on the surface's plane */
+	float slope = tan(frame.sun_angular_radius), layer = float(cascade), least = 0.8 * surfaces.shadow_texel[cascade];
+	float widest = max(place.z / per_m.z * slope, least), distances = 0.0, blockers = 0.0;
+	vec2 d = vec2(1.0, 0.0);
+	for (int i = 0; i < LOOKS; i++) {
+		/* closer together near the middle: near blockers have narrow cones */
+		float x = float(i) / float(LOOKS - 1), r = widest * x * sqrt(x);
+		float depth = textureLod(shadow_depth, vec3(place.xy + d * r * per_m.xy, layer), 0.0).r, s = (place.z - depth) / per_m.z;
+		bool blocks = s > 0.0 && r <= max(s * slope, least);
+		blockers += blocks ? 1.0 : 0.0;
+		distances += blocks ? s : 0.0;
+		d = turn * d;
+	}
+	float s = distances / max(blockers, 1.0), radius = max(s * slope, least), lit = 0.0;
+	int i = 0, taps = blockers > 0.0 ? TAPS : 1;
+	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
+		float x = sqrt((float(i) + 0.5) / float(TAPS)), r = radius * x;
+		float least_depth = max(-0.5 * x * s, min(r * dot(falls, d), 0.0) - STEEP * r);
+		lit += texture(shadow_map, vec4(place.xy + d * r * per_m.xy, layer, place.z + least_depth * per_m.z));
+		d = turn * d;
+	} while (++i < taps);
+	return blockers > 0.0 ? lit / float(TAPS) : 1.0;
+}
+
 /* Share of the sun that a surface point with this face sees. */
 float shadow_of_surface(vec3 v, vec3 face)
 {
@@ -67,6 +106,8 @@ float shadow_of_surface(vec3 v, vec3 face)
 		return shadow_gaussian(place, layer);
 	if (SHADOW_FILTER == SHADOW_VARIANCE)
 		return shadow_variance(place, layer);
+	if (SHADOW_FILTER == SHADOW_SOFT)
+		return shadow_soft(place, cascade, face);
 	return textureLod(shadow_depth, vec3(place.xy, layer), 0.0).r < place.z ? 0.0 : 1.0;
 }
 

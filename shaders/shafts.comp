@@ -1,27 +1,28 @@
 /*
  * Takes from a strip's pixels, for one spectral batch, the light that the scene's shadow takes from the air before them.
  */
-#include "shafts.glsl"
-#include "sky_output.glsl"
-
 /* Chosen when the program is built: by the table, or by following every pixel's ray. */
 #ifndef EPIPOLAR
 #define EPIPOLAR 0
 #endif
 
-/* Likewise: of what the scene covers of a pixel, or of the sky or ground behind. */
+/* Likewise: of what the scene covers of a pixel, or of the sky or ground behind. From the table surfaces.comp does the former. */
 #ifndef BEHIND
 #define BEHIND 0
 #endif
 
-layout(binding = UNIT_SHAFTS) uniform sampler3D shafts_table;
+#include "shafts.glsl"
+#if EPIPOLAR
+#include "shaft_table.glsl"
+#endif
+#include "sky_output.glsl"
+
 #ifdef CLOUDS
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer CloudsBefore { vec4 cloud_light[]; }; /* as cloud_compose.comp reads them */
 layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer CloudsPlace { vec4 cloud_place[]; };
 #endif
 
-const int SOURCE_EVERY = 8;   /* samples of the shadow for one of the light: that varies slowly */
-const int REST_SAMPLES = 4;
+const int SOURCE_EVERY = 8; /* samples of the shadow for one of the light: that varies slowly */
 
 /* Following the ray up to distance `end`. */
 vec4 lost_by_march(ShaftRay ray, float end)
@@ -44,40 +45,10 @@ vec4 lost_by_march(ShaftRay ray, float end)
 	return lost;
 }
 
-/* From the table. Before a surface up to the last of its distances, and from there by a look at the map, since beyond the surface
- * the table goes on into the ground. */
-vec4 lost_by_table(vec3 d, ShaftRay ray, float end)
-{
-	if (ray.entered < 0.0)
-		return vec4(0.0);
-	vec2 angles = shaft_angles(d);
-	float slice = BEHIND != 0 ? shaft_slice(end) : floor(shaft_slice(end));
-	vec3 at = vec3((angles.x - surfaces.shaft_range.x) / (surfaces.shaft_range.y - surfaces.shaft_range.x) * float(SHAFT_ANGLES - 1),
-		(angles.y - surfaces.shaft_range.z) / (surfaces.shaft_range.w - surfaces.shaft_range.z) * float(SHAFT_PLANES - 1), slice);
-	vec4 lost = textureLod(shafts_table, (at + 0.5) / vec3(SHAFT_ANGLES, SHAFT_PLANES, SHAFT_DISTANCES + 1), 0.0) * 1e-3 *
-		bands.sun_irradiance;
-#if !BEHIND
-	float from = shaft_distance(slice), dt = end - from;
-	if (slice >= float(SHAFT_DISTANCES) || dt <= 0.0)
-		return lost;
-	int shadowed = 0;
-	for (int k = 0; k < REST_SAMPLES; k++) {
-		float t = from + (float(k) + 0.5) * dt / float(REST_SAMPLES);
-		vec3 place = ray.place + t * ray.step;
-		shadowed += shadow_holds(place) && shaft_shadowed(ray, t) ? 1 : 0;
-	}
-	if (shadowed > 0) {
-		vec3 column = shaft_column(ray, max(ray.entered, 0.0), from, 2);
-		lost += shaft_source(ray, from + 0.5 * dt, dt, column) * (dt * float(shadowed) / float(REST_SAMPLES));
-	}
-#endif
-	return lost;
-}
-
 vec4 lost_up_to(vec3 d, ShaftRay ray, float end)
 {
 #if EPIPOLAR
-	return lost_by_table(d, ray, end);
+	return ray.entered < 0.0 ? vec4(0.0) : shaft_lost(d, shaft_slice(end));
 #else
 	return lost_by_march(ray, end);
 #endif
@@ -89,7 +60,7 @@ vec2 ray_ends(int i, ShaftRay ray)
 #if BEHIND
 	float ground = ray_ground_distance(ray.h, ray.mu), end = ground >= 0.0 ? ground : 1e9;
 #else
-	float end = uintBitsToFloat(surface[i].x);
+	float end = uintBitsToFloat(surface_of(i).x);
 #endif
 #ifdef CLOUDS
 	return vec2(end, min(end, cloud_place[BEHIND != 0 ? i : tile.z * tile.w + i].x));
@@ -111,10 +82,10 @@ void main()
 	int i = own_pixel();
 	if (i >= tile.z * tile.w)
 		return;
-	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i];
+	vec4 at = direction_of(feature(FEATURE_SPECTRAL) ? tile.x + i : i);
 	if (at.w < 0.0)
 		return;
-	float covered = surface_coverage(surface[i]), share = BEHIND != 0 ? 1.0 - covered : covered;
+	float covered = surface_coverage(surface_of(i)), share = BEHIND != 0 ? 1.0 - covered : covered;
 	if (share <= 0.0)
 		return;
 	ShaftRay ray = shaft_ray(at.xyz);
@@ -125,10 +96,10 @@ void main()
 	lost += hidden_share(i, share) * (lost_up_to(at.xyz, ray, ends.y) - whole);
 #endif
 	if (WANTED(FEATURE_SPECTRAL) != 0) {
-		radiance[i] = max(radiance[i] - lost, 0.0);
+		radiance[i] = max(radiance_before(i) - lost, 0.0);
 		return;
 	}
-	radiance[i].rgb -= to_rgb(lost);
+	radiance[i] = radiance_before(i) - vec4(to_rgb(lost), 0.0);
 	if (WANTED(FEATURE_LAYERS) != 0)
 		inscatter[i].rgb -= to_rgb(air);
 }

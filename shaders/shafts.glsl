@@ -75,6 +75,12 @@ float shaft_under_clouds(ShaftRay ray, float t)
 	return 1.0;
 }
 
+/* What scatters sunlight towards the camera, 1/m/sr, by density. */
+vec4 shaft_scattering(ShaftRay ray, vec3 density)
+{
+	return bands.rayleigh * (density.x * ray.phase_rayleigh) + bands.aerosol_scattering * (density.y * ray.phase_aerosol);
+}
+
 /* Light scattered towards the camera per m at distance t, had the scene no shadow; column: of the ray up to there, which goes on by dt. */
 vec4 shaft_source(ShaftRay ray, float t, float dt, inout vec3 column)
 {
@@ -84,8 +90,8 @@ vec4 shaft_source(ShaftRay ray, float t, float dt, inout vec3 column)
 	column += dt * density;
 	if (mu_s <= mu_horizon(h) || h > media.top)
 		return vec4(0.0);
-	vec4 scattering = bands.rayleigh * (density.x * ray.phase_rayleigh) + bands.aerosol_scattering * (density.y * ray.phase_aerosol);
-	return bands.sun_irradiance * scattering * exp(-shaft_depth(half_way + sun_column(h, mu_s))) * shaft_under_clouds(ray, t);
+	return bands.sun_irradiance * shaft_scattering(ray, density) * exp(-shaft_depth(half_way + sun_column(h, mu_s))) *
+		shaft_under_clouds(ray, t);
 }
 
 /* Column between two distances, by a few steps. */
@@ -129,19 +135,26 @@ vec3 light_axis(int row)
 	return normalize(surfaces.shadow_row[shaft_row() + row].xyz);
 }
 
-/* Angle from the sun, and of the plane. */
+/* Chord of the angle from the sun, and angle of the plane. */
 vec2 shaft_angles(vec3 d)
 {
 	vec2 across = vec2(dot(d, light_axis(0)), dot(d, light_axis(1)));
-	float phi = length(across) > 1e-7 ? atan(across.y, across.x) - surfaces.shaft_phi : 0.0;
+	float phi = dot(across, across) > 1e-14 ? atan(across.y, across.x) - surfaces.shaft_phi : 0.0;
 	phi -= 2.0 * PI * round(phi / (2.0 * PI));
-	return vec2(atan(length(across), dot(d, frame.sun_direction.xyz)), phi);
+	return vec2(distance(d, frame.sun_direction.xyz), phi);
+}
+
+/* Cosine and sine of the angle that has this chord. */
+vec2 shaft_turn(float chord)
+{
+	return vec2(1.0 - 0.5 * chord * chord, chord * sqrt(max(1.0 - 0.25 * chord * chord, 0.0)));
 }
 
 vec3 shaft_direction(vec2 angles)
 {
 	float phi = angles.y + surfaces.shaft_phi;
-	return normalize(frame.sun_direction.xyz * cos(angles.x) + (light_axis(0) * cos(phi) + light_axis(1) * sin(phi)) * sin(angles.x));
+	vec2 turn = shaft_turn(angles.x);
+	return normalize(frame.sun_direction.xyz * turn.x + (light_axis(0) * cos(phi) + light_axis(1) * sin(phi)) * turn.y);
 }
 
 /* Distances are dense near the camera. */

@@ -101,9 +101,21 @@ typedef unsigned int uint;
 #define UNIT_SHADOW 21       /* depth from the sun, a layer for each cascade, compared */
 #define UNIT_SHADOW_DEPTH 22 /* the same, read as it is */
 #define UNIT_SHADOW_MOMENTS 23
-#define UNIT_SHAFTS 24       /* shadowed light by angle from the sun, plane and distance */
-#define UNIT_CLOUD_SUN 26      /* optical depth of clouds to the sun; cloud_sun.glsl */
+#define UNIT_SHAFTS 24       /* shadowed light by chord of the angle from the sun, plane and distance */
 #define UNIT_SHAFT_TREE 25   /* depth from the sun along the planes: minima and maxima */
+
+/* Storage that kernels read as buffer textures: a load from storage goes over components and invocations one by one on
+ * llvmpipe, at several times the cost of a fetch (gpu/passes.c). */
+#define UNIT_DIRECTIONS 26
+#define UNIT_SURFACES 27
+#define UNIT_BVH 28
+#define UNIT_TRIANGLES 29
+#define UNIT_VERTICES 30
+#define UNIT_MATERIALS 31
+#define UNIT_AMBIENT 32
+#define UNIT_RADIANCE 33
+
+#define UNIT_CLOUD_SUN 34     /* optical depth of clouds to the sun; cloud_sun.glsl */
 
 /* Samples of a pixel in the raster pass. */
 #define RASTER_SAMPLES 4
@@ -163,13 +175,14 @@ typedef unsigned int uint;
 #define WORKGROUP_Y 4
 #define WORKGROUP_LINE 64 /* of kernels that number pixels instead */
 
-/* BIND_GROUPS: for each list workgroups along x, y, z, and one unused; then the lists, interleaved. */
-#define GROUPS_DRAWN 0
-#define GROUPS_SURFACES 1
-#define GROUPS_SKY 2
-#define GROUPS_LISTS 3
+/* BIND_GROUPS: for each list workgroups along x, y, z, and one unused; then the lists, interleaved: groups of pixels that show
+ * surfaces, and that show sky. GROUPS_FILLED on a group of the former: it was not in the latter when that bit was set. */
+#define GROUPS_SURFACES 0
+#define GROUPS_SKY 1
+#define GROUPS_LISTS 2
 #define GROUPS_HEAD 4
-#define GROUPS_FIRST 12
+#define GROUPS_FIRST 8
+#define GROUPS_FILLED 0x80000000u
 
 /* Bits of FrameBlock.features: what the planner left in. A kernel skips what is not set. */
 #define FEATURE_SUN_DISK 1
@@ -262,6 +275,7 @@ typedef unsigned int uint;
 #define SHADOW_BILINEAR 1
 #define SHADOW_GAUSSIAN 2
 #define SHADOW_VARIANCE 3
+#define SHADOW_SOFT 4
 
 /* FrameBlock.output_format */
 #define OUTPUT_RGBA8 0
@@ -346,6 +360,7 @@ WELKIN_BLOCK(BandsBlock, BIND_BANDS)
 	vec4 aerosol_scaled_extinction; /* less the share of the forward peak, delta-M */
 	vec4 ozone;            /* absorption, 1/m at the tent's peak */
 	vec4 ground_albedo;
+	vec4 red, blue;        /* reflectance of surfaces of these Rec.709 colours; green has what both leave */
 	vec4 daylight[3];      /* CIE daylight components S0, S1, S2 at the wavelengths */
 	vec4 daylight_luminance; /* xyz: 683 lm/W times the integral of each component times ybar, in cd/m² */
 	vec4 sun_luminance;    /* cd/m² of the sun's irradiance taken as a radiance: what transmittances are weighted by for alpha */
@@ -365,7 +380,7 @@ WELKIN_BLOCK(SurfacesBlock, BIND_SURFACES_BLOCK)
 	float shadow_depth;    /* m: from depth 0 to 1 of cascade 0 */
 	int shaft_steps, shadow_region;
 	float shaft_phi;       /* rad: middle of the planes through the sun that the view has */
-	vec4 shaft_range;      /* rad: angle from the sun, from and to; angle of the plane about shaft_phi, from and to */
+	vec4 shaft_range;      /* chord of the angle from the sun, from and to; angle of the plane about shaft_phi, from and to, rad */
 	vec4 shaft_reach;      /* m from the camera, from and to: where the mesh can throw shadows */
 WELKIN_BLOCK_END(surfaces)
 

@@ -59,7 +59,7 @@ void write_spectral(int i, Ray ray, vec4 L, vec4 T)
 /* Adds a batch's share to what the strip holds; the first batch finds anything there. */
 void add_color(int i, vec4 color)
 {
-	radiance[i] = batch == 0 ? color : radiance[i] + color;
+	radiance[i] = batch == 0 ? color : radiance_before(i) + color;
 }
 
 void add_layers(int i, Ray ray, vec4 L, vec4 T)
@@ -79,7 +79,7 @@ void add_layers(int i, Ray ray, vec4 L, vec4 T)
 /* What surfaces of a scene leave of a pixel's sky; surfaces.comp adds theirs. */
 float open_share(int i)
 {
-	return feature(FEATURE_SURFACES) ? 1.0 - surface_coverage(surface[i]) : 1.0;
+	return feature(FEATURE_SURFACES) ? 1.0 - surface_coverage(surface_of(i)) : 1.0;
 }
 
 /* A pixel that the ground's horizon crosses looks twice: into the middle of its sky and of its ground. */
@@ -188,7 +188,7 @@ void main()
 	if (i >= tile.z * tile.w * RAY_SHARE)
 		return;
 	int ray_index = i / RAY_SHARE;
-	vec4 at = direction[WANTED(FEATURE_SPECTRAL) != 0 ? tile.x + ray_index : ray_index];
+	vec4 at = direction_of(WANTED(FEATURE_SPECTRAL) != 0 ? tile.x + ray_index : ray_index);
 	Ray ray;
 	ray.d = at.xyz;
 	ray.h = frame.camera_altitude;

@@ -1,4 +1,5 @@
 /* The pixels of a strip, which kernels add up batch by batch, and what the scene covers of them. */
+#include "directions.glsl"
 #include "colour.glsl"
 #include "surface_record.glsl"
 
@@ -12,8 +13,13 @@ layout(location = LOCATION_BATCH) uniform int batch;
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_INSCATTER) buffer Inscatter { vec4 inscatter[]; };
 layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
-layout(std430, binding = BIND_DIRECTIONS) readonly buffer Directions { vec4 direction[]; };
-layout(std430, binding = BIND_SURFACES) readonly buffer Surfaces { uvec4 surface[]; };
+
+/* What kernels before this one have left in the pixel. */
+layout(binding = UNIT_RADIANCE) uniform samplerBuffer radiance_texels;
+vec4 radiance_before(int i)
+{
+	return texelFetch(radiance_texels, i);
+}
 
 /* PLAIN, chosen when the program is built: pixels of an image without layers, and none that the sun's disk may touch. */
 #ifdef PLAIN
@@ -32,7 +38,7 @@ int own_pixel()
 {
 #ifndef SEVERAL_DISPATCHES
 	if (group_list > 0)
-		return int(groups[GROUPS_FIRST + GROUPS_LISTS * gl_WorkGroupID.x + uint(group_list - 1)]) * WORKGROUP_LINE +
+		return int(groups[GROUPS_FIRST + GROUPS_LISTS * gl_WorkGroupID.x + uint(group_list - 1)] & ~GROUPS_FILLED) * WORKGROUP_LINE +
 			int(gl_LocalInvocationID.x);
 #endif
 	return int(gl_GlobalInvocationID.x);
@@ -44,20 +50,21 @@ bool feature(int bit)
 }
 
 /* Adds a surface at distance t to a pixel whose batch the sky's kernel has begun, unless the surface fills it and there are no clouds:
- * the air before it, its own light that arrives, and what share of both clouds let through. */
-void add_surface(int i, float t, float coverage, vec4 air, vec4 L, float through)
+ * the air before it and its own light that arrives; what share of both clouds let through, and what their own air loses to the scene's
+ * shadow. */
+void add_surface(int i, float t, float coverage, vec4 air, vec4 L, float through, vec4 lost)
 {
-	float share = coverage * through;
+	vec4 seen = coverage * (through * (air + L) - lost);
 	if (WANTED(FEATURE_SPECTRAL) != 0) {
-		radiance[i] += share * (air + L);
+		radiance[i] = max(radiance_before(i) + seen, 0.0);
 		return;
 	}
 #ifdef CLOUDS
-	vec4 begun = radiance[i];
+	vec4 begun = radiance_before(i);
 #else
-	vec4 begun = batch == 0 && coverage >= 1.0 ? vec4(0.0) : radiance[i];
+	vec4 begun = batch == 0 && coverage >= 1.0 ? vec4(0.0) : radiance_before(i);
 #endif
-	radiance[i] = vec4(begun.rgb + share * to_rgb(air + L), begun.a);
+	radiance[i] = vec4(begun.rgb + to_rgb(seen), begun.a);
 	if (WANTED(FEATURE_LAYERS) != 0)
 		inscatter[i] = vec4(inscatter[i].rgb + coverage * to_rgb(air), t);
 }

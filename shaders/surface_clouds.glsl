@@ -2,6 +2,7 @@
 #include "cloud_shadow.glsl"
 
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer CloudsBefore { vec4 cloud_light[]; }; /* as cloud_compose.comp reads it */
+layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer CloudsPlace { vec4 cloud_place[]; };
 
 /* The surface is seen along d at distance t, where the vertical is up. */
 void under_clouds(inout Lighting light, vec3 d, float t, vec3 up)

@@ -8,14 +8,13 @@ const int SIDE_SKY = 0, SIDE_SURFACE = 1;
 
 #ifdef SURFACES
 #include "surface_record.glsl"
-layout(std430, binding = BIND_SURFACES) readonly buffer Surfaces { uvec4 surface[]; };
 #endif
 
 /* Share of pixel i of the strip. */
 float side_share(int i, int side)
 {
 #ifdef SURFACES
-	float covered = surface_coverage(surface[i]);
+	float covered = surface_coverage(surface_of(i));
 	return side == SIDE_SURFACE ? covered : 1.0 - covered;
 #else
 	return side == SIDE_SURFACE ? 0.0 : 1.0;
@@ -26,7 +25,7 @@ float side_share(int i, int side)
 float side_distance(int i, int side)
 {
 #ifdef SURFACES
-	return side == SIDE_SURFACE ? uintBitsToFloat(surface[i].x) : NO_SURFACE;
+	return side == SIDE_SURFACE ? uintBitsToFloat(surface_of(i).x) : NO_SURFACE;
 #else
 	return NO_SURFACE;
 #endif

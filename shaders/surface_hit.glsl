@@ -1,18 +1,14 @@
 /* What a ray sees of the mesh where it meets a triangle. */
 #include "surface_material.glsl"
 #include "bvh.glsl"
+#include "surface_vertex.glsl"
 
-layout(std430, binding = BIND_VERTICES) readonly buffer Vertices { float vertex[]; };
-layout(std430, binding = BIND_AMBIENT) readonly buffer Ambient { float open_sky[]; };
+layout(binding = UNIT_AMBIENT) uniform samplerBuffer ambient_texels;
 
-vec3 vertex_normal(int i)
+/* Share of the sky above a vertex that is open. */
+float vertex_open(int i)
 {
-	return vec3(vertex[VERTEX_FLOATS * i + 3], vertex[VERTEX_FLOATS * i + 4], vertex[VERTEX_FLOATS * i + 5]);
-}
-
-vec2 vertex_uv(int i)
-{
-	return vec2(vertex[VERTEX_FLOATS * i + 6], vertex[VERTEX_FLOATS * i + 7]);
+	return texelFetch(ambient_texels, i).r;
 }
 
 /* By how much the camera's ray along d (world axes) misses a triangle: 0 where it meets it, else the sine of an angle. */
@@ -33,6 +29,11 @@ vec2 uv_step(vec3 step, vec3 e1, vec3 e2, vec3 face, float area, vec2 d1, vec2 d
 	return (d1 * dot(cross(step, e2), face) + d2 * dot(cross(e1, step), face)) / area;
 }
 
+/* Chosen when the program is built: may any material have one? */
+#ifndef NORMAL_MAPS
+#define NORMAL_MAPS 1
+#endif
+
 /* What a ray along d from a point relative to the camera (world axes) shows of a triangle: where they meet or, at the
  * triangle's rim, the point next to that. angle: across the ray, rad. */
 Surface surface_hit(Triangle tri, vec3 from, vec3 d_world, float angle)
@@ -45,8 +46,9 @@ Surface surface_hit(Triangle tri, vec3 from, vec3 d_world, float angle)
 	vec3 p = origin + t * d;
 	float b1 = clamp(dot(cross(p, e2), face) / area, 0.0, 1.0), b2 = clamp(dot(cross(e1, p), face) / area, 0.0, 1.0 - b1);
 	vec3 weights = vec3(1.0 - b1 - b2, b1, b2);
-	vec3 normal = vertex_normal(v.x) * weights.x + vertex_normal(v.y) * weights.y + vertex_normal(v.z) * weights.z;
-	vec2 uv0 = vertex_uv(v.x), d1 = vertex_uv(v.y) - uv0, d2 = vertex_uv(v.z) - uv0, uv = uv0 + d1 * b1 + d2 * b2;
+	MeshVertex v0 = vertex_at(v.x), v1 = vertex_at(v.y), v2 = vertex_at(v.z);
+	vec3 normal = v0.normal * weights.x + v1.normal * weights.y + v2.normal * weights.z;
+	vec2 d1 = v1.uv - v0.uv, d2 = v2.uv - v0.uv, uv = v0.uv + d1 * b1 + d2 * b2;
 
 	Surface s;
 	s.t = max(length(b1 * e1 + b2 * e2 - origin), 1e-3);
@@ -62,14 +64,17 @@ Surface surface_hit(Triangle tri, vec3 from, vec3 d_world, float angle)
 	normal = dot(normal, unit) < 0.0 ? -normal : normal;
 	float det = d1.x * d2.y - d1.y * d2.x, side = det < 0.0 ? -1.0 : 1.0;
 	vec3 along_u = (e1 * d2.y - e2 * d1.y) * side, along_v = (e2 * d1.x - e1 * d2.x) * side;
-	Material m = materials[triangle_material(tri)];
+	Material m = material_at(triangle_material(tri));
 	const vec2 rows = vec2(1.0, -1.0); /* of textures start at the top */
 	vec3 color = textureGrad(albedo_textures, texture_at(uv, max(m.textures.x, 0)), gx * rows, gy * rows).rgb;
+#if NORMAL_MAPS
 	vec3 texel = textureGrad(normal_textures, texture_at(uv, max(m.textures.y, 0)), gx * rows, gy * rows).xyz;
-	s.normal = mesh_to_world(m.textures.y >= 0 ? mapped_normal(texel, normal, along_u, along_v) : normal);
+	normal = m.textures.y >= 0 ? mapped_normal(texel, normal, along_u, along_v) : normal;
+#endif
+	s.normal = mesh_to_world(normal);
 	s.face = mesh_to_world(unit);
 	s.albedo = m.diffuse.rgb * (m.textures.x >= 0 ? color : vec3(1.0));
-	s.open = dot(weights, vec3(open_sky[v.x], open_sky[v.y], open_sky[v.z]));
+	s.open = dot(weights, vec3(vertex_open(v.x), vertex_open(v.y), vertex_open(v.z)));
 	s.material = triangle_material(tri);
 	s.coverage = 1.0;
 	return s;

@@ -3,7 +3,13 @@
 
 layout(binding = UNIT_ALBEDO) uniform sampler2DArray albedo_textures;
 layout(binding = UNIT_NORMAL) uniform sampler2DArray normal_textures;
-layout(std430, binding = BIND_MATERIALS) readonly buffer Materials { Material materials[]; };
+layout(binding = UNIT_MATERIALS) uniform usamplerBuffer material_texels;
+
+Material material_at(int i)
+{
+	return Material(uintBitsToFloat(texelFetch(material_texels, 4 * i)), uintBitsToFloat(texelFetch(material_texels, 4 * i + 1)),
+		uintBitsToFloat(texelFetch(material_texels, 4 * i + 2)), ivec4(texelFetch(material_texels, 4 * i + 3)));
+}
 
 /* Rows of textures start at the top. */
 vec3 texture_at(vec2 uv, int layer)

@@ -8,6 +8,13 @@
  */
 #include "shared.h"
 
+layout(binding = UNIT_SURFACES) uniform usamplerBuffer surface_texels;
+
+uvec4 surface_of(int i)
+{
+	return texelFetch(surface_texels, i);
+}
+
 /* Column and row of pixel i of a strip. Its pixels are fewer than 2^22, so that floats tell them apart; whole numbers can't be
  * divided but one by one on a software device. */
 ivec2 strip_place(int i, int width)

@@ -6,13 +6,10 @@
 #include "surface_material.glsl"
 #include "multiple_table.glsl"
 
-/* Reflectance at the bands' wavelengths of a Rec.709 colour: three smooth curves that add up to one, so that grey stays
- * grey. Their edges were chosen so that the primaries come back under daylight (tests/test_surfaces.c says how well). */
+/* Reflectance at the bands' wavelengths of a Rec.709 colour: three curves that add up to one, so that grey stays grey. */
 vec4 spectral_albedo(vec3 rgb)
 {
-	vec4 blue = 1.0 / (1.0 + exp((bands.wavelength - 493.0) / 9.0));
-	vec4 red = 1.0 / (1.0 + exp((587.0 - bands.wavelength) / 8.0));
-	return rgb.b * blue + rgb.r * red + rgb.g * max(1.0 - blue - red, 0.0);
+	return rgb.b * bands.blue + rgb.r * bands.red + rgb.g * (1.0 - bands.blue - bands.red);
 }
 
 /* Irradiance from sky and ground on a plane with normal n at altitude h, per sun irradiance of 1: the cosine lobe's
@@ -63,7 +60,7 @@ vec3 specular_brdf(Material m, Lighting light)
 }
 
 /*
- * Radiance towards the viewer. The table's light from below is that of endless level ground; around a surface of the scene there
+ * Radiance towards the viewer; MATTE, chosen when the program is built: no material has a highlight. The table's light from below is that of endless level ground; around a surface of the scene there
  * is more of the scene. So what the surface sees below the horizon, and what hides the sky from it, are taken to be of its own colour
  * and lit or shadowed like it; of what stands up against the sky half is lit.
  */
@@ -75,8 +72,12 @@ vec4 shade_physical(Material m, vec3 albedo, Lighting light)
 	vec4 from_below = below * rho * (light.level_sky + light.lit * level_sun);
 	vec4 hidden = (1.0 - below) * rho * (light.level_sky + 0.5 * light.lit * level_sun);
 	vec4 E = mix(hidden, from_above, light.open) + from_below, direct = light.sun * (light.lit * nl);
+#ifdef MATTE
+	return rho * (E + direct) / PI;
+#else
 	vec4 glint = spectral_albedo(clamp(specular_brdf(m, light), 0.0, 1e3));
 	return rho * (E + direct) / PI + glint * direct;
+#endif
 }
 
 /* Madrid 2015: ambient and diffuse by the texture, the smaller of shadow and diffuse, a highlight. */

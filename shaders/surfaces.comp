@@ -17,10 +17,31 @@
 #else
 #include "aerial.glsl"
 #endif
+#include "shaft_table.glsl"
 #include "sky_output.glsl"
 /* CLOUDS, chosen when the program is built: there are some, which shade surfaces and stand before them. */
 #ifdef CLOUDS
 #include "surface_clouds.glsl"
+#endif
+
+/* SHAFTS, chosen when the program is built: the scene's shadow takes light from the air before its surfaces, as the table says. */
+#ifdef SHAFTS
+/* What the air before a surface loses: from the table up to the last of its distances, since beyond the surface that goes on into the
+ * ground, and from there by a look at the map. For all of the rest stands what scatters at the surface, at altitude h, where the sun's
+ * light is E; column: of the ray up to there. */
+vec4 lost_before(ShaftRay ray, vec3 d, float t, float h, vec4 E, vec3 column)
+{
+	const int SAMPLES = 2;
+	float slice = floor(shaft_slice(t)), from = shaft_distance(slice), dt = max(t - from, 0.0);
+	int shadowed = 0;
+	for (int k = 0; k < SAMPLES; k++) {
+		float at = from + (float(k) + 0.5) * dt / float(SAMPLES);
+		shadowed += shadow_holds(ray.place + at * ray.step) && shaft_shadowed(ray, at) ? 1 : 0;
+	}
+	float share = slice < float(SHAFT_DISTANCES) ? float(shadowed) / float(SAMPLES) : 0.0;
+	vec4 source = E * shaft_scattering(ray, density_at(h)) * exp(-shaft_depth(column));
+	return shaft_lost(d, slice) + source * (dt * share * shaft_under_clouds(ray, t));
+}
 #endif
 
 /* Light of a surface seen along d, and of the air before it, weighed by the share of the pixel. */
@@ -47,16 +68,26 @@ void light_pixel(int i, vec3 d, Surface s)
 #ifdef CLOUDS
 	under_clouds(light, d, s.t, up);
 #endif
-	Material m = materials[s.material];
+	Material m = material_at(s.material);
 	vec4 L = SHADING == SHADING_PHONG ? shade_phong(m, s.albedo, light) : shade_physical(m, s.albedo, light);
 	vec4 air, T;
-	aerial_perspective(d, s.t, air, T);
-#ifdef CLOUDS
-	float through = cloud_light[tile.z * tile.w + i].x;
-#else
-	float through = 1.0;
+	vec3 column;
+	aerial_perspective(d, s.t, air, T, column);
+#ifdef SHAFTS
+	ShaftRay ray = shaft_ray(d);
+	air = max(air - lost_before(ray, d, s.t, h, light.sun, column), 0.0);
 #endif
-	add_surface(i, s.t, s.coverage, air, T * L, through);
+	float through = 1.0;
+	vec4 lost = vec4(0.0);
+#ifdef CLOUDS
+	int before = tile.z * tile.w + i;
+	through = cloud_light[before].x;
+#ifdef SHAFTS
+	/* clouds have air of their own before them; where the table goes on behind the surface it says nothing of that */
+	lost = (1.0 - through) * shaft_lost(d, min(shaft_slice(cloud_place[before].x), floor(shaft_slice(s.t))));
+#endif
+#endif
+	add_surface(i, s.t, s.coverage, air, T * L, through, lost);
 }
 
 void main()
@@ -64,8 +95,8 @@ void main()
 	int i = own_pixel();
 	if (i >= tile.z * tile.w)
 		return;
-	Surface s = surface_unpack(surface[i]);
-	vec4 at = direction[feature(FEATURE_SPECTRAL) ? tile.x + i : i];
+	Surface s = surface_unpack(surface_of(i));
+	vec4 at = direction_of(feature(FEATURE_SPECTRAL) ? tile.x + i : i);
 	if (s.coverage > 0.0 && at.w >= 0.0)
 		light_pixel(i, at.xyz, s);
 }

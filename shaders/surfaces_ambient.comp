@@ -3,10 +3,10 @@
  * mesh is not in the way. The same directions for all vertices, so that neighbours agree.
  */
 #include "bvh.glsl"
+#include "surface_vertex.glsl"
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile; /* first vertex, 0, how many, 1 */
-layout(std430, binding = BIND_VERTICES) readonly buffer Vertices { float vertex[]; };
 layout(std430, binding = BIND_AMBIENT) writeonly buffer Ambient { float open_sky[]; };
 
 const int DIRECTIONS = 24;
@@ -15,8 +15,9 @@ void main()
 {
 	if (int(gl_GlobalInvocationID.x) >= tile.z)
 		return;
-	int i = tile.x + int(gl_GlobalInvocationID.x), at = VERTEX_FLOATS * i;
-	vec3 p = vec3(vertex[at], vertex[at + 1], vertex[at + 2]), n = vec3(vertex[at + 3], vertex[at + 4], vertex[at + 5]);
+	int i = tile.x + int(gl_GlobalInvocationID.x);
+	MeshVertex vertex = vertex_at(i);
+	vec3 p = vertex.position, n = vertex.normal;
 	float size = length(surfaces.high.xyz - surfaces.low.xyz), sum = 0.0, all = 0.0;
 	n = dot(n, n) > 0.0 ? normalize(n) : vec3(0.0, 1.0, 0.0);
 	p += n * (1e-5 * size);

@@ -48,8 +48,8 @@ static const struct member media_members[] = { M(MediaBlock, planet_radius), M(M
 static const struct member bands_members[] = { M(BandsBlock, wavelength), M(BandsBlock, sun_irradiance),
 	M(BandsBlock, rayleigh), M(BandsBlock, aerosol_scattering), M(BandsBlock, aerosol_extinction),
 	M(BandsBlock, aerosol_scaled_extinction), M(BandsBlock, ozone), M(BandsBlock, ground_albedo),
-	A(BandsBlock, daylight), M(BandsBlock, daylight_luminance), M(BandsBlock, sun_luminance), A(BandsBlock, to_rgb),
-	{ 0 } };
+	M(BandsBlock, red), M(BandsBlock, blue), A(BandsBlock, daylight), M(BandsBlock, daylight_luminance),
+	M(BandsBlock, sun_luminance), A(BandsBlock, to_rgb), { 0 } };
 static const struct member fitted_members[] = { A(FittedBlock, term), A(FittedBlock, depth), M(FittedBlock, ground),
 	M(FittedBlock, least), M(FittedBlock, exponent), M(FittedBlock, geometry), { 0 } };
 

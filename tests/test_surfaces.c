@@ -437,7 +437,7 @@ static void filters_agree_away_from_edges(void **state)
 	r.camera.pitch_deg = -15;
 	r.scene.shadow = WELKIN_SHADOW_NONE;
 	struct picture plain = render(&r, mountain_key);
-	for (int filter = WELKIN_SHADOW_BILINEAR; filter <= WELKIN_SHADOW_VARIANCE; filter++) {
+	for (int filter = WELKIN_SHADOW_BILINEAR; filter <= WELKIN_SHADOW_SOFT; filter++) {
 		r.scene.shadow = filter;
 		struct picture filtered = render(&r, mountain_key);
 		size_t differ = 0;
@@ -448,6 +448,70 @@ static void filters_agree_away_from_edges(void **state)
 		free(filtered.pixels);
 	}
 	free(plain.pixels);
+}
+
+/* A plate that high above level ground, which throws the shadow of its straight eastern edge on x = 0 where the
+ * camera looks. */
+static struct mesh_header *plate_over_ground(double height, double elevation_deg, const char *key)
+{
+	const float ground = 10, y = ground + (float)height, south = (float)(height / tan(elevation_deg * M_PI / 180));
+	const float a = 20, n = south - a, s = south + a;
+	const float corners[4][9] = { { -a, ground, -a, -a, ground, a, a, ground, a },
+		{ -a, ground, -a, a, ground, a, a, ground, -a }, { -a, y, n, -a, y, s, 0, y, s },
+		{ -a, y, n, 0, y, s, 0, y, n } };
+	return lib_terrain_triangles(corners, 4, key);
+}
+
+/* Share of a uniform disk of radius 1 that lies beyond a straight edge at x from its middle. */
+static double disk_beyond(double x)
+{
+	return x >= 1 ? 0 : x <= -1 ? 1 : (acos(x) - x * sqrt(1 - x * x)) / M_PI;
+}
+
+/* Behind a straight edge the sun's disk sets: over 2 s tan(its radius), s from the edge along the sun's light. */
+static void soft_shadows_are_as_wide_as_the_sun(void **state)
+{
+	(void)state;
+	static const char *const keys[] = { "0123456789abcdef0123456789abcdd1", "0123456789abcdef0123456789abcdd2" };
+	static const double heights[] = { 100, 200 };
+	for (int i = 0; i < 2; i++) {
+		const double elevation = 60, above = 15;
+		struct mesh_header *mesh = plate_over_ground(heights[i], elevation, keys[i]);
+		assert_true(mesh && lib_terrain_send(&renderer, mesh));
+		struct welkin_request r = view("sky_view", 0, 10 + above, 0, 0, elevation);
+		r.sun.azimuth_deg = 180;
+		r.camera.pitch_deg = -90;
+		r.camera.fov_deg = 10;
+		r.image.width = 192;
+		r.scene.shafts = WELKIN_SHAFTS_NONE;
+		r.scene.shadow_size = 4096;
+		r.scene.shadow = WELKIN_SHADOW_OFF;
+		struct picture all = render(&r, keys[i]);
+		r.scene.shadow = WELKIN_SHADOW_SOFT;
+		struct picture soft = render(&r, keys[i]);
+		const double radius =
+			heights[i] / sin(elevation * M_PI / 180) * tan(r.sun.angular_radius_deg * M_PI / 180);
+		const double per_pixel = 2 * above * tan(r.camera.fov_deg * M_PI / 360) / r.image.height;
+		const size_t row = (size_t)(r.image.height / 2) * (size_t)r.image.width;
+		/* what the sun adds where all of it is seen */
+		const double sun = luminance(all.rgba[row]) - luminance(soft.rgba[row]);
+		double worst = 0, square = 0;
+		for (int x = 0; x < r.image.width; x++) {
+			const double at = (x + 0.5 - r.image.width / 2.0) * per_pixel;
+			const double seen =
+				1 -
+				(luminance(all.rgba[row + (size_t)x]) - luminance(soft.rgba[row + (size_t)x])) / sun;
+			const double error = seen - disk_beyond(-at / radius);
+			worst = fmax(worst, fabs(error));
+			square += error * error / r.image.width;
+		}
+		print_message("penumbra %.2f m wide: share of the sun off by %.3f at most, %.3f RMS\n", 2 * radius,
+			worst, sqrt(square));
+		assert_true(sun > 0 && worst < 0.08 && sqrt(square) < 0.03);
+		free(all.pixels);
+		free(soft.pixels);
+		free(mesh);
+	}
 }
 
 /* ---- shafts ---- */
@@ -690,6 +754,7 @@ int main(void)
 		cmocka_unit_test(shadows_agree_with_rays),
 		cmocka_unit_test(shadows_agree_with_rays_on_fuji),
 		cmocka_unit_test(filters_agree_away_from_edges),
+		cmocka_unit_test(soft_shadows_are_as_wide_as_the_sun),
 		cmocka_unit_test(epipolar_shafts_agree_with_the_march),
 		cmocka_unit_test(picture_agrees_with_the_reference),
 		cmocka_unit_test(fuji_agrees_with_the_reference),
