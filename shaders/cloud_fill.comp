@@ -34,7 +34,7 @@ bool agree(Corner a, Corner b, Corner c, Corner d)
 	vec3 cosine = vec3(dot(a.direction.xyz, b.direction.xyz), dot(a.direction.xyz, c.direction.xyz), dot(a.direction.xyz, d.direction.xyz));
 	bool near_ = min(min(cosine.x, cosine.y), cosine.z) > 0.9;
 	bool all_see = min(min(a.direction.w, b.direction.w), min(c.direction.w, d.direction.w)) >= 0.0;
-	return near_ && all_see && alike(a.sight, b.sight, c.sight, d.sight, 1.0);
+	return near_ && all_see && alike(a.sight, b.sight, c.sight, d.sight);
 }
 
 void add_to_list(int at)

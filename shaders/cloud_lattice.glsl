@@ -38,15 +38,14 @@ float range(vec4 v)
 	return max(max(v.x, v.y), max(v.z, v.w)) - min(min(v.x, v.y), min(v.z, v.w));
 }
 
-/* Do the four show the same cloud, or the same lack of one? most: how far they may differ, of the above. */
-bool alike(Sight a, Sight b, Sight c, Sight d, float most)
+/* Do the four show the same cloud, or the same lack of one? */
+bool alike(Sight a, Sight b, Sight c, Sight d)
 {
 	vec4 seen = vec4(shown(a.light), shown(b.light), shown(c.light), shown(d.light));
 	vec4 through = vec4(a.light.x, b.light.x, c.light.x, d.light.x);
 	vec4 distance_ = vec4(a.place.x, b.place.x, c.place.x, d.place.x);
 	float farthest = max(max(distance_.x, distance_.y), max(distance_.z, distance_.w));
-	return range(seen) <= most * ALIKE * 0.25 * dot(seen, vec4(1.0)) && range(through) <= most * ALIKE_THROUGH &&
-		range(distance_) <= most * ALIKE_DISTANCE * farthest;
+	return range(seen) <= ALIKE * 0.25 * dot(seen, vec4(1.0)) && range(through) <= ALIKE_THROUGH && range(distance_) <= ALIKE_DISTANCE * farthest;
 }
 
 Sight between(Sight a, Sight b, Sight c, Sight d, vec2 x)

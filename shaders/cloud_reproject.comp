@@ -1,12 +1,12 @@
 /*
  * Clouds of the pixels that a frame of a sequence does not march (cloud_history.glsl): between those that it does, where all of them
- * around agree well; else from the frame before, where it showed the same place, within what they allow; else between those next
- * to the pixel, where these agree at all; clouds.comp marches the rest.
+ * around agree; else from the frame before, where it showed the same place, within what they allow; else between those next
+ * to the pixel, where these agree; clouds.comp marches the rest.
  */
 #include "cloud_density.glsl"
 #include "cloud_history.glsl"
 
-/* CLOUD_RAYS_BLOCKS: all blocks; it lists those around which what is marched does not agree well. CLOUD_RAYS_PIXELS: these. */
+/* CLOUD_RAYS_BLOCKS: all blocks; it lists those around which what is marched does not agree. CLOUD_RAYS_PIXELS: these. */
 #ifndef RAYS
 #define RAYS CLOUD_RAYS_PIXELS
 #endif
@@ -24,7 +24,6 @@ layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]
 
 const float CLIP = 1.75;   /* standard deviations that what was there may lie off the mean of what is marched around: 1 blurs, 4 lets ghosts through */
 const float ASTRAY = 1.5;  /* pixels that it may have come from beside where this frame takes it from */
-const float WELL = 0.5;    /* of what neighbours may differ by, for a block that is interpolated without a look at the frame before */
 const float NOTHING = 0.02; /* opacity below which a distance says nothing */
 
 Sight marched(ivec2 block)
@@ -61,10 +60,10 @@ Around around(ivec2 block)
 	return a;
 }
 
-bool agree_well(Around a)
+bool agree(Around a)
 {
 	vec3 range_ = vec3(a.shown.y - a.shown.x, a.through.y - a.through.x, a.away.y - a.away.x);
-	return all(lessThanEqual(range_, WELL * vec3(ALIKE * shown(a.mean), ALIKE_THROUGH, ALIKE_DISTANCE * a.away.y)));
+	return all(lessThanEqual(range_, vec3(ALIKE * shown(a.mean), ALIKE_THROUGH, ALIKE_DISTANCE * a.away.y)));
 }
 
 /* Where clouds would be seen first, if there were any. */
@@ -169,7 +168,7 @@ void fill(ivec2 pixel, int i, Sight s[4], vec2 x, Around a)
 		if (1.0 - then.light.x < 0.5 * (1.0 - now.x))
 			then.place = where;
 		show(i, Sight(now, then.place));
-	} else if (alike(s[0], s[1], s[2], s[3], 1.0)) {
+	} else if (alike(s[0], s[1], s[2], s[3])) {
 		show(i, between(s[0], s[1], s[2], s[3], x));
 	} else {
 		add_to_list(1, 0, i);
@@ -193,8 +192,8 @@ void main()
 	ivec2 block = first + ivec2(n % count.x, n / count.x), own = block_pixel(block);
 	Around a = around(block);
 #if RAYS == CLOUD_RAYS_BLOCKS
-	bool still = samples.z == 1, well = agree_well(a);
-	if (!still && !well)
+	bool still = samples.z == 1, agreed = agree(a);
+	if (!still && !agreed)
 		add_to_list(0, tile.z * tile.w, n);
 #endif
 	for (int q = 0; q < 4; q++) {
@@ -212,7 +211,7 @@ void main()
 					show(i, marched(block));
 				else if (still)
 					show(i, recall(pixel));
-				else if (well)
+				else if (agreed)
 					show(i, between(s[0], s[1], s[2], s[3], off));
 #else
 				if (pixel != own)

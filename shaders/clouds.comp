@@ -74,6 +74,13 @@ void main()
 	} while (++side <= last);
 }
 #elif RAYS == CLOUD_RAYS_CORNERS || RAYS == CLOUD_RAYS_BLOCKS
+/* Points of a grid in pairs of rows, one above the other, so that threads that run together see the same clouds. */
+ivec2 by_twos(int i, ivec2 count)
+{
+	int pair = i / (2 * count.x), at = i - pair * 2 * count.x;
+	return 2 * pair + 1 < count.y ? ivec2(at >> 1, 2 * pair + (at & 1)) : ivec2(at, 2 * pair);
+}
+
 void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
@@ -81,10 +88,10 @@ void main()
 		for (int k = 0; k < CLOUD_LIST_FIRST; k++)
 			list[k] = k % CLOUD_LIST_HEAD == 1 || k % CLOUD_LIST_HEAD == 2 ? 1u : 0u;
 #if RAYS == CLOUD_RAYS_BLOCKS
-	ivec2 count = block_count(tile), own = ivec2(i % count.x, i / count.x), pixel = block_pixel(block_first(tile) + own);
-	int at = 2 * i;
+	ivec2 count = block_count(tile), own = by_twos(i, count), pixel = block_pixel(block_first(tile) + own);
+	int at = 2 * (own.y * count.x + own.x);
 #else
-	ivec2 size = lattice_size(tile), count = size / 2 + 1, own = ivec2(i % count.x, i / count.x), pixel = lattice_pixel(tile, 2 * own);
+	ivec2 size = lattice_size(tile), count = size / 2 + 1, own = by_twos(i, count), pixel = lattice_pixel(tile, 2 * own);
 	int at = 4 * (own.y * size.x + own.x);
 #endif
 	if (i >= count.x * count.y)
