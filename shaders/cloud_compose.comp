@@ -49,7 +49,8 @@ void ground_irradiance(vec3 q, vec3 d_sun, int least, out vec4 clear, out vec4 c
 	q.y = 0.0;
 	vec3 to_sun = cloud_direction(d_sun, frame.vertical.xyz, q);
 	float mu_s = clamp(to_sun.y, -1.0, 1.0);
-	vec4 sun = mu_s > 0.0 ? exp(-optical_depth(sun_column(0.0, mu_s))) : vec4(0.0), seen = cloud_ground_light(q, to_sun, least);
+	vec4 sun = mu_s > 0.0 ? exp(-optical_depth(sun_column(0.0, mu_s))) : vec4(0.0);
+	vec4 seen = cloud_under_high(clouds.weather.z > 0.0 ? cloud_ground_light(q, to_sun, least) : vec4(1.0, 0.0, 1.0, 0.0), q, to_sun);
 	vec4 sky = (frame.features & FEATURE_SKY_ON_GROUND) != 0 ? multiple_ground_irradiance(mu_s) : vec4(0.0);
 	clear = sun * max(mu_s, 0.0) + sky;
 	clouded = (sun * (max(mu_s, 0.0) * seen.x + seen.y) + sky * seen.z) / (1.0 - min(bands.ground_albedo * seen.w, 0.99));
@@ -66,7 +67,7 @@ Shaded shaded_along(vec3 d, float t_end)
 	Shaded none = Shaded(vec4(0.0), vec4(0.0));
 	CloudRay ray = cloud_ray(d, frame.vertical.xyz, frame.camera_altitude);
 	vec2 under = cloud_below(ray, clouds.bottom);
-	if (ray.start < 0.0 || under.y <= under.x || clouds.weather.z <= 0.0)
+	if (ray.start < 0.0 || under.y <= under.x || (clouds.weather.z <= 0.0 && !high_present()))
 		return none;
 	float ground = ray_ground_distance(ray.h, ray.mu);
 	if (ground >= 0.0)
@@ -77,7 +78,7 @@ Shaded shaded_along(vec3 d, float t_end)
 	vec4 near_L, near_T, far_L, far_T;
 	aerial_perspective(d, under.x, near_L, near_T);
 	aerial_perspective(d, under.y, far_L, far_T);
-	vec4 change = (cloud_air_light(ray, under) - 1.0) * max(far_L - near_L, 0.0);
+	vec4 change = clouds.weather.z > 0.0 ? (cloud_air_light(ray, under) - 1.0) * max(far_L - near_L, 0.0) : vec4(0.0);
 	if (ground >= 0.0 && t_end > ray.start + ground && (frame.features & FEATURE_GROUND) != 0) {
 		vec4 clear, clouded;
 		ground_irradiance(cloud_point(ray, under.y), frame.sun_direction.xyz, 0, clear, clouded);

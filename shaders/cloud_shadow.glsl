@@ -2,6 +2,7 @@
  * Clouds' shadows: what is left of the sun, and what comes instead of it, from the table of light in clouds.
  */
 #include "cloud_light.glsl"
+#include "cloud_high.glsl"
 
 /* Where the ray from q, below the layer's top, to the sun is first within the layer. */
 vec3 cloud_below_point(vec3 q, vec3 to_sun)
@@ -74,4 +75,28 @@ vec4 cloud_light_on(vec3 q, vec3 to_sun)
 	float depth = textureLod(cloud_cells_texture, place, 0.0).r * cloud_light_scale() * max(q.y - clouds.bottom, 0.0);
 	vec4 seen = cloud_ground_light(q, to_sun, 0) * vec4(1.0, vec3(0.5 + 0.5 * exp(-depth)));
 	return q.y < clouds.top ? seen : vec4(1.0, 0.0, 1.0, 0.0);
+}
+
+/*
+ * What the thin high layer leaves of the sun's light at q: share that comes straight or nearly so, and irradiance that it diffuses on a
+ * level plane, per sun irradiance of 1 on a plane that faces it. That by the two-stream solution for a sheet in the scaled medium
+ * (Joseph, Wiscombe & Weinman 1976, over black ground), of which an absorbing sheet sends the share of its albedo.
+ */
+vec2 cloud_high_shadow(vec3 q, vec3 to_sun)
+{
+	if (!high_present() || q.y >= clouds.high_altitude || to_sun.y <= 0.0)
+		return vec2(1.0, 0.0);
+	float mu = max(to_sun.y, HIGH_LEAST_MU), depth = high_depth(q + to_sun * ((clouds.high_altitude - q.y) / mu));
+	float scaled = (1.0 - cloud_straight_share()) * depth, e = exp(-scaled / mu);
+	float R = 1.0 - (2.0 / 3.0 + mu + (2.0 / 3.0 - mu) * e) / (4.0 / 3.0 + scaled);
+	return vec2(exp(-cloud_light_scale() * depth / mu), clouds.albedo * mu * max(1.0 - R - e, 0.0));
+}
+
+/* Light that clouds leave, as cloud_ground_light() has it, once the sun has come through the high layer. */
+vec4 cloud_under_high(vec4 seen, vec3 q, vec3 to_sun)
+{
+	vec2 high = cloud_high_shadow(q, to_sun);
+	seen.y = seen.y * (high.x + high.y / max(to_sun.y, HIGH_LEAST_MU)) + seen.z * high.y;
+	seen.x *= high.x;
+	return seen;
 }

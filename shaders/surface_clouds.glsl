@@ -8,7 +8,8 @@ layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer CloudsPlace { vec4 cl
 void under_clouds(inout Lighting light, vec3 d, float t, vec3 up)
 {
 	vec3 q = cloud_point(cloud_ray(d, frame.vertical.xyz, frame.camera_altitude), t);
-	vec4 seen = clouds.weather.z > 0.0 ? cloud_light_on(q, cloud_direction(light.l, frame.vertical.xyz, q)) : vec4(1.0, 0.0, 1.0, 0.0);
+	vec3 to_sun = cloud_direction(light.l, frame.vertical.xyz, q);
+	vec4 seen = cloud_under_high(clouds.weather.z > 0.0 ? cloud_light_on(q, to_sun) : vec4(1.0, 0.0, 1.0, 0.0), q, to_sun);
 	/* from the clouds: of the sun, and of what the ground sends back to them, again and again */
 	vec4 once = seen.z * light.level_sky + seen.y * light.sun, returned = min(bands.ground_albedo * seen.w, 0.99);
 	vec4 diffused = seen.y * light.sun + (once + light.level_sun * seen.x * light.sun) * returned / (1.0 - returned);

@@ -151,26 +151,59 @@ static void slopes_are_under_clouds(void **state)
 		}
 }
 
-/* Of light that white clouds spread, as much falls on a level plate as on level ground at its place. */
-static void plates_are_as_bright_as_ground(void **state)
+/* An absorbing sheet that covers all is nowhere thinner than 0.78 of its depth (shaders/cloud_high.glsl). */
+static void slopes_are_under_the_high_layer(void **state)
 {
 	(void)state;
+	const double tau = 1;
+	for (double elevation = 25; elevation <= 90; elevation += 30) {
+		double of[2];
+		for (int there = 0; there < 2; there++) {
+			const struct scene scene = { slope_key, 700, WELKIN_SHADOW_GAUSSIAN, WELKIN_SHAFTS_AUTO };
+			struct image i = image_of(&scene,
+				COMMON ABSORBING DEFAULT
+				"sun.azimuth_deg=180&clouds.coverage=0&clouds.high.coverage=%d&clouds.high."
+				"optical_depth=%g&camera.altitude_m=702&camera.heading_deg=0&camera.pitch_deg=-60&"
+				"camera.fov_deg=50&sun.elevation_deg=%g",
+				there, tau, elevation);
+			of[there] = mean(&i);
+			free(i.rgba);
+		}
+		const double share = of[1] / of[0], slant = tau / sin(elevation * (M_PI / 180));
+		print_message("under the high layer, sun at %g deg: %.4f of the light, exp(-tau / mu) is %.4f\n",
+			elevation, share, exp(-slant));
+		assert_true(of[0] > 0.01 && share >= 0.999 * exp(-slant) && share <= exp(-0.78 * slant));
+	}
+}
+
+/* Of light that white clouds spread, as much falls on a level plate as on level ground at its place. */
+static void plate_and_ground(const char *layer)
+{
 	static const char view[] = COMMON DEFAULT SLAB "clouds.liquid_water_g_m3=0.2&camera.altitude_m=60&camera.pitch_"
 						       "deg=-90&camera.heading_deg=0&sun.elevation_deg=50&"
-						       "ground.albedo=0.4,0.35,0.3&";
+						       "ground.albedo=0.4,0.35,0.3&clouds.high.optical_depth=2&";
 	double of[2][2];
 	for (int clouded = 0; clouded < 2; clouded++)
 		for (int there = 0; there < 2; there++) {
 			const struct scene scene = { there ? plate_key : "", 1, WELKIN_SHADOW_GAUSSIAN,
 				WELKIN_SHAFTS_AUTO };
-			struct image i = image_of(&scene, "%sclouds.coverage=%d", view, clouded);
+			struct image i = image_of(&scene, "%s%s=0&%s=%d", view,
+				strcmp(layer, "clouds.coverage") == 0 ? "clouds.high.coverage" : "clouds.coverage",
+				layer, clouded);
 			of[clouded][there] = mean(&i);
 			free(i.rgba);
 		}
 	const double ground = of[1][0] / of[0][0], surface = of[1][1] / of[0][1];
-	print_message("clouds leave %.4f of the light of the ground, %.4f of that of a plate\n", ground, surface);
-	assert_true(ground < 0.9);
+	print_message("%s leaves %.4f of the light of the ground, %.4f of that of a plate\n", layer, ground, surface);
+	assert_true(ground < 0.95);
 	assert_true(fabs(surface / ground - 1) < 0.02);
+}
+
+static void plates_are_as_bright_as_ground(void **state)
+{
+	(void)state;
+	plate_and_ground("clouds.coverage");
+	plate_and_ground("clouds.high.coverage");
 }
 
 static struct image mountain(int shafts, double coverage)
@@ -332,6 +365,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(slopes_are_under_clouds),
+		cmocka_unit_test(slopes_are_under_the_high_layer),
 		cmocka_unit_test(plates_are_as_bright_as_ground),
 		cmocka_unit_test(air_is_shaded_once),
 		cmocka_unit_test(ridges_have_no_halos),
