@@ -193,13 +193,40 @@ static struct difference compare(
 		counted > 0 ? sqrt(fmax(squares / counted - noise, 0)) : 0, (double)counted / n };
 }
 
+/* Clients' pictures have more pixels than the path tracer can fill, and the march takes steps and rays to suit a pixel:
+ * so it draws a larger picture, of which those pixels are taken whose rays are the path tracer's. */
+enum { LARGER = 7 };
+
+static void take_middles(const struct options *o, const float *from, int stride, float *to)
+{
+	for (int y = 0; y < o->height; y++)
+		for (int x = 0; x < o->width; x++) {
+			const ptrdiff_t at =
+				(ptrdiff_t)(y * LARGER + LARGER / 2) * o->width * LARGER + x * LARGER + LARGER / 2;
+			memcpy(to + ((ptrdiff_t)y * o->width + x) * stride, from + at * stride,
+				(size_t)stride * sizeof *to);
+		}
+}
+
 static bool model_of(struct lib_renderer *renderer, const struct options *o, int scene, struct cloud_frame *frame)
 {
 	char query[1024];
+	const ptrdiff_t pixels = (ptrdiff_t)o->width * o->height;
 	snprintf(query, sizeof query,
 		"%s&atmosphere.method=sky_view&image.layers=clouds&image.width=%d&image.height=%d&%s",
-		scenes[scene].query, o->width, o->height, o->more);
-	return cloud_frame_render(renderer, query, frame);
+		scenes[scene].query, o->width * LARGER, o->height * LARGER, o->more);
+	if (!cloud_frame_render(renderer, query, frame))
+		return false;
+	float *small = malloc((size_t)pixels * (4 + WELKIN_CLOUD_SAMPLES) * sizeof *small);
+	if (small) {
+		take_middles(o, frame->rgba, 4, small);
+		take_middles(o, frame->rgba + 4 * pixels * LARGER * LARGER, WELKIN_CLOUD_SAMPLES, small + 4 * pixels);
+	}
+	free(frame->rgba);
+	frame->rgba = small;
+	frame->width = o->width;
+	frame->height = o->height;
+	return small;
 }
 
 static void print(const struct cloud_frame *frame, const struct cloud_frame *reference, const float *through)

@@ -24,9 +24,9 @@ struct Sums {
 	vec4 m0, xx, zz, xz, vx, vz, down, z3, z4;
 };
 
-/* One direction of a gathering texel: cosine to the vertical, weight, sines of it and of the sun. */
+/* Directions of one angle to the vertical from a texel's altitude h, under its sun: cosines of both, and sines. */
 struct Cone {
-	float h, mu, mu_s, sine, sine_s, weight;
+	float h, mu, mu_s, sine, sine_s;
 };
 
 /* Azimuth a of n: x towards the sun, nu to the sun. */
@@ -92,7 +92,7 @@ void gather_ground(inout Sums s, Cone cone, float t, vec4 through)
 /* The cone of directions at mu, per sun irradiance of 1, in the scaled medium. */
 void gather(inout Sums s, float h, float mu_s, float mu, float weight)
 {
-	Cone cone = Cone(h, mu, mu_s, sqrt(max(1.0 - mu * mu, 0.0)), sqrt(max(1.0 - mu_s * mu_s, 0.0)), weight);
+	Cone cone = Cone(h, mu, mu_s, sqrt(max(1.0 - mu * mu, 0.0)), sqrt(max(1.0 - mu_s * mu_s, 0.0)));
 	float ground = ray_ground_distance(h, mu);
 	float extent = ground >= 0.0 ? ground : ray_top_distance(h, mu);
 	float lowest = clamp(-(media.planet_radius + h) * mu, 0.0, extent);
