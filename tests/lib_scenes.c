@@ -87,14 +87,31 @@ double (*scene_directions(const struct welkin_request *r))[3]
 	return out;
 }
 
+/* Does the ground's horizon cross a pixel with that direction, so high? Images are antialiased there. */
+static bool on_the_horizon(const struct scene *scene, const double direction[3], double pixel)
+{
+	const double h = scene->frame.camera_altitude, R = scene->media.planet_radius;
+	double mu = 0;
+	for (int c = 0; c < 3; c++)
+		mu += direction[c] * (double)scene->frame.vertical[c];
+	return fabs(asin(fmax(-1, fmin(mu, 1))) + acos(R / (R + h))) < 0.75 * pixel;
+}
+
 double *scene_solid_angles(const struct welkin_request *r)
 {
-	double *out = calloc((size_t)(r->image.width * r->image.height), sizeof *out);
-	for (int i = 0; out && i < r->image.width * r->image.height; i++) {
+	static struct scene scene;
+	const int width = r->image.width, n = width * r->image.height;
+	double *out = calloc((size_t)n, sizeof *out), (*directions)[3] = scene_directions(r);
+	scene_prepare(&scene, r, NULL, 0);
+	for (int i = 0; out && directions && i < n; i++) {
 		double v[3];
-		local_direction(r, i % r->image.width, i / r->image.width, v);
+		local_direction(r, i % width, i / width, v);
+		const double *a = directions[i], *b = directions[i + width < n ? i + width : i - width];
+		const double pixel = acos(fmin(a[0] * b[0] + a[1] * b[1] + a[2] * b[2], 1));
 		out[i] = r->image.projection == WELKIN_EQUIRECTANGULAR ? sqrt(1 - v[1] * v[1]) : v[2] * v[2] * v[2];
+		out[i] *= !on_the_horizon(&scene, a, pixel);
 	}
+	free(directions);
 	return out;
 }
 

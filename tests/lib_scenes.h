@@ -21,6 +21,7 @@ int scenes_load(const char *folder, struct calibration_scene scenes[SCENES_MAX])
 /* World directions of the pixels' centres (3 × width × height) and their solid angles, malloc'd; for
  * equirectangular and perspective images. NULL: out of memory. */
 double (*scene_directions(const struct welkin_request *request))[3];
+/* 0 where the horizon crosses a pixel: the reference looks at its centre, an antialiased image at both sides. */
 double *scene_solid_angles(const struct welkin_request *request);
 
 /* The same view as clients ask for: 16:9 in perspective, tone-mapped PNG. */
