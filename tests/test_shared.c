@@ -43,7 +43,7 @@ static const struct member media_members[] = { M(MediaBlock, planet_radius), M(M
 	M(MediaBlock, rayleigh_scale_height), M(MediaBlock, aerosol_scale_height), M(MediaBlock, ozone_center),
 	M(MediaBlock, ozone_half_width), M(MediaBlock, aerosol_g), M(MediaBlock, aerosol_phase), M(MediaBlock, steps),
 	M(MediaBlock, light_steps), M(MediaBlock, turbidity), M(MediaBlock, sun_intensity),
-	M(MediaBlock, aerosol_moments), A(MediaBlock, rule), { 0 } };
+	M(MediaBlock, aerosol_moments), M(MediaBlock, aerosol_higher), A(MediaBlock, rule), { 0 } };
 
 static const struct member bands_members[] = { M(BandsBlock, wavelength), M(BandsBlock, sun_irradiance),
 	M(BandsBlock, rayleigh), M(BandsBlock, aerosol_scattering), M(BandsBlock, aerosol_extinction),
