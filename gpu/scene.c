@@ -143,13 +143,21 @@ static double phase_aerosol(const struct welkin_atmosphere *air, double nu)
 	return air->aerosol_phase == WELKIN_HENYEY_GREENSTEIN ? hg : hg * 1.5 * (1 + nu * nu) / (2 + g * g);
 }
 
-/* Legendre polynomials 0 to n at x. */
-static void legendre(double x, double *P, int n)
+/* Legendre polynomials up to LOBE_DEGREES at x; share[l] is 1 / l: divisions would be most of the work, at every frame.
+ */
+static void legendre(double x, const double share[LOBE_DEGREES + 1], double P[LOBE_DEGREES + 1])
 {
 	P[0] = 1;
 	P[1] = x;
-	for (int l = 2; l <= n; l++)
-		P[l] = ((2 * l - 1) * x * P[l - 1] - (l - 1) * P[l - 2]) / l;
+	for (int l = 2; l <= LOBE_DEGREES; l++)
+		P[l] = (2 - share[l]) * x * P[l - 1] - (1 - share[l]) * P[l - 2];
+}
+
+static void legendre_shares(double share[LOBE_DEGREES + 1])
+{
+	share[0] = 0;
+	for (int l = 1; l <= LOBE_DEGREES; l++)
+		share[l] = 1.0 / l;
 }
 
 /* Delta-M (after Wiscombe 1977) of that phase function for LOBE_DEGREES moments and a peak. What it scatters by less
@@ -162,16 +170,19 @@ static void delta_scale(const struct welkin_atmosphere *air, double moments[LOBE
 	enum { N = 512 };
 	const double sign = air->aerosol_g < 0 ? -1 : 1; /* samples are dense where the peak is */
 	const double edge = cos(radians(PEAK_DEG));
-	double all = 0, peak = 0, P[LOBE_DEGREES + 1];
+	double all = 0, peak = 0, P[LOBE_DEGREES + 1], share[LOBE_DEGREES + 1];
+	legendre_shares(share);
 	memset(moments, 0, (LOBE_DEGREES + 1) * sizeof *moments);
 	for (int i = 0; i < N; i++) {
 		const double u = (i + 0.5) / N, nu = sign * (1 - 2 * pow(u, 4));
 		const double weight = phase_aerosol(air, nu) * pow(u, 3);
 		all += weight;
 		peak += nu > edge ? weight : 0;
-		legendre(nu, P, LOBE_DEGREES);
+		if (nu > edge)
+			continue;
+		legendre(nu, share, P);
 		for (int l = 0; l <= LOBE_DEGREES; l++)
-			moments[l] += nu > edge ? 0 : weight * P[l];
+			moments[l] += weight * P[l];
 	}
 	*f = fmin(peak / all, 0.9999);
 	for (int l = 0; l <= LOBE_DEGREES; l++)
@@ -184,9 +195,11 @@ static void delta_scale(const struct welkin_atmosphere *air, double moments[LOBE
 static void add_lobes(struct scene *scene, const double moments[LOBE_DEGREES + 1])
 {
 	float(*node)[2] = scene->nodes + scene->n_nodes;
+	double share[LOBE_DEGREES + 1];
+	legendre_shares(share);
 	for (int i = 0; i < LOBE_SAMPLES; i++) {
 		double P[LOBE_DEGREES + 1], once = 0, again[3] = { 0 };
-		legendre(cos(M_PI * i / (LOBE_SAMPLES - 1)), P, LOBE_DEGREES);
+		legendre(cos(M_PI * i / (LOBE_SAMPLES - 1)), share, P);
 		for (int l = 0; l <= LOBE_DEGREES; l++) {
 			double term = (2 * l + 1) / (4 * M_PI) * P[l] * moments[l];
 			once += l <= LOBE_TABLE_DEGREE ? term : 0;

@@ -49,11 +49,11 @@ static struct coefficient_key coefficient_key(const struct scene *scene, int bat
 
 enum table_state need_multiple(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)
 {
-	enum { SUNS = 64, ALTITUDES = 32, LAYERS = 2 * 9 };
+	enum { SUNS = 64, ALTITUDES = 32 };
 	static const struct table_desc multiple = {
 		.name = "multiple",
 		.width = SUNS,
-		.height = ALTITUDES * LAYERS,
+		.height = ALTITUDES * MULTIPLE_SETS * MULTIPLE_LAYERS,
 		.internal_format = GL_RGBA32F,
 		.unit = UNIT_MULTIPLE,
 		.iterations = MULTIPLE_RUNS,

@@ -18,8 +18,7 @@ layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
-#if RAYS == CLOUD_RAYS_GIVEN
-#else
+#if RAYS != CLOUD_RAYS_GIVEN
 layout(std430, binding = BIND_CLOUD_LATTICE) buffer Lattice { vec4 lattice[]; };
 layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
 #endif

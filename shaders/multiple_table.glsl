@@ -19,7 +19,6 @@
 
 layout(binding = UNIT_MULTIPLE) uniform sampler2D multiple_texture;
 
-const int MULTIPLE_LAYERS = 9;
 #ifndef MULTIPLE_FIRST /* layer of those that are read */
 #define MULTIPLE_FIRST 0
 #endif
@@ -68,7 +67,7 @@ struct Moments {
 vec4 multiple_layer(vec2 uv, int layer)
 {
 	vec2 size = vec2(textureSize(multiple_texture, 0));
-	float rows = size.y / float(2 * MULTIPLE_LAYERS);
+	float rows = size.y / float(MULTIPLE_SETS * MULTIPLE_LAYERS);
 	vec2 at = vec2(uv.x * (size.x - 1.0), uv.y * (rows - 1.0) + float(MULTIPLE_FIRST + layer) * rows) + 0.5;
 	return textureLod(multiple_texture, at / size, 0.0);
 }

@@ -138,7 +138,10 @@ typedef unsigned int uint;
 #define PRECOMPUTED_AZIMUTHS 12
 #define PRECOMPUTED_ALTITUDES 20
 
-/* Runs that make the multiple-scattering table, an order each, and which of them is the first with coarse rules. */
+/* Layers of the multiple-scattering table that readers see, of 2 sets; the runs that make it, an order each, and which of them is the first
+ * with coarse rules. */
+#define MULTIPLE_LAYERS 9
+#define MULTIPLE_SETS 2
 #define MULTIPLE_RUNS 6
 #define MULTIPLE_COARSE_RUN 2
 

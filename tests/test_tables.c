@@ -179,7 +179,7 @@ static void frames_dont_starve_each_other(void **state)
 	static const struct table_desc slow = {
 		.name = "multiple",
 		.width = 64,
-		.height = 32 * 2 * 9,
+		.height = 32 * MULTIPLE_SETS * MULTIPLE_LAYERS,
 		.internal_format = GL_RGBA32F,
 		.unit = UNIT_MULTIPLE,
 		.iterations = MULTIPLE_RUNS,

@@ -122,7 +122,7 @@ void gather(inout Sums s, float h, float mu_s, float mu, float weight)
 
 void store(ivec2 texel, int layer, vec4 value)
 {
-	imageStore(table, texel + ivec2(0, layer * (imageSize(table).y / (2 * MULTIPLE_LAYERS))), value);
+	imageStore(table, texel + ivec2(0, layer * (imageSize(table).y / (MULTIPLE_SETS * MULTIPLE_LAYERS))), value);
 }
 
 void store_moments(ivec2 texel, int set, Sums s)
@@ -141,13 +141,13 @@ void store_moments(ivec2 texel, int set, Sums s)
 
 vec4 load(ivec2 texel, int layer)
 {
-	return texelFetch(multiple_texture, texel + ivec2(0, layer * (imageSize(table).y / (2 * MULTIPLE_LAYERS))), 0);
+	return texelFetch(multiple_texture, texel + ivec2(0, layer * (imageSize(table).y / (MULTIPLE_SETS * MULTIPLE_LAYERS))), 0);
 }
 
 void main()
 {
 	ivec2 size = imageSize(table), texel = ivec2(gl_GlobalInvocationID.xy);
-	int rows = size.y / (2 * MULTIPLE_LAYERS);
+	int rows = size.y / (MULTIPLE_SETS * MULTIPLE_LAYERS);
 	if (texel.x >= size.x || texel.y >= rows)
 		return;
 	float h, mu_s;
