@@ -52,7 +52,7 @@ static void light_key(struct light_key *key, const struct scene *scene)
 enum table_state need_cloud_light(struct frame_tables *tables, const struct scene *scene, struct error *err)
 {
 	static const struct table_desc stages[] = {
-		{ .name = "cloud_cells", .unit = UNIT_CLOUD_CELLS, .internal_format = GL_R32F, CLOUD_GRID_SIZE },
+		{ .name = "cloud_cells", .unit = UNIT_CLOUD_CELLS, .internal_format = GL_RG32F, CLOUD_GRID_SIZE },
 		{ .name = "cloud_openness",
 			.unit = UNIT_CLOUD_OPENNESS,
 			.internal_format = GL_RGBA32F,
@@ -79,4 +79,29 @@ enum table_state need_cloud_light(struct frame_tables *tables, const struct scen
 	for (size_t i = 0; i < sizeof stages / sizeof stages[0] && state == TABLE_READY; i++)
 		state = tables_need(tables, &stages[i], &key, sizeof key, 0, err);
 	return state;
+}
+
+enum table_state need_cloud_around(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err)
+{
+	static const struct table_desc around = {
+		.name = "cloud_around",
+		.unit = UNIT_CLOUD_AROUND,
+		.internal_format = GL_RGBA32F,
+		.width = CLOUD_GRID_ACROSS,
+		.height = CLOUD_GRID_ACROSS,
+		.depth = CLOUD_AROUND_LAYERS * CLOUD_GRID_LEVELS,
+		.threads = { CLOUD_GRID_ACROSS, CLOUD_GRID_ACROSS, CLOUD_GRID_LEVELS },
+	};
+	struct {
+		struct light_key light;
+		struct MediaBlock media;
+		struct BandsBlock bands;
+		int features;
+	} key;
+	memset(&key, 0, sizeof key);
+	light_key(&key.light, scene);
+	key.media = scene->media;
+	key.bands = scene->batches[batch];
+	key.features = scene->frame.features & FEATURE_SKY_ON_GROUND;
+	return tables_need(tables, &around, &key, sizeof key, batch, err);
 }

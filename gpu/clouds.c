@@ -341,7 +341,9 @@ enum table_state need_clouds(struct frame_tables *tables, const struct scene *sc
 	enum table_state state = need_aerial(tables, scene, batch, err);
 	if (state == TABLE_READY)
 		state = need_shapes(tables, scene, err);
-	return state == TABLE_READY ? need_cloud_light(tables, scene, err) : state;
+	if (state == TABLE_READY)
+		state = need_cloud_light(tables, scene, err);
+	return state == TABLE_READY ? need_cloud_around(tables, scene, batch, err) : state;
 }
 
 static enum table_state need_majorant(struct frame_tables *tables, const struct CloudsBlock *clouds, struct error *err)

@@ -4,9 +4,8 @@
  * front of them covers them.
  */
 #include "directions.glsl"
-#include "multiple_table.glsl"
 #include "aerial.glsl"
-#include "cloud_shadow.glsl"
+#include "cloud_around.glsl"
 #include "colour.glsl"
 #include "surface_distance.glsl"
 #ifdef SURFACES
@@ -42,49 +41,66 @@ layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer Place { vec4 place[]; };
 
-/* Irradiance of the ground below a point of cloud space, per sun irradiance of 1: under a clear sky, and under the clouds, between which
- * and the ground light goes back and forth. */
-void ground_irradiance(vec3 q, vec3 d_sun, int least, out vec4 clear, out vec4 clouded)
-{
-	q.y = 0.0;
-	vec3 to_sun = cloud_direction(d_sun, frame.vertical.xyz, q);
-	float mu_s = clamp(to_sun.y, -1.0, 1.0);
-	vec4 sun = mu_s > 0.0 ? exp(-optical_depth(sun_column(0.0, mu_s))) : vec4(0.0);
-	vec4 seen = cloud_under_high(clouds.weather.z > 0.0 ? cloud_ground_light(q, to_sun, least) : vec4(1.0, 0.0, 1.0, 0.0), q, to_sun);
-	vec4 sky = (frame.features & FEATURE_SKY_ON_GROUND) != 0 ? multiple_ground_irradiance(mu_s) : vec4(0.0);
-	clear = sun * max(mu_s, 0.0) + sky;
-	clouded = (sun * (max(mu_s, 0.0) * seen.x + seen.y) + sky * seen.z) / (1.0 - min(bands.ground_albedo * seen.w, 0.99));
-}
-
-/* What the clouds take from the light of the air below them, and from the ground's, along a ray, negative where they shade: in
- * front of the clouds on it, and behind them. */
+/* What the clouds take from the light of the air and from the ground's along a ray, negative where they shade: in front of
+ * the clouds on it, and behind them. */
 struct Shaded {
 	vec4 open, behind;
 };
+
+/* Light of the air on a stretch of a ray, relative to a clear sky's. */
+vec4 air_light(CloudRay ray, vec2 stretch, vec3 d)
+{
+	vec3 up = frame.vertical.xyz, sun = frame.sun_direction.xyz;
+	float middle = 0.5 * (stretch.x + stretch.y) - ray.start, h = altitude_at(ray.h, ray.mu, middle), mu = mu_at(ray.h, ray.mu, middle, h);
+	float mu_s = clamp(cloud_direction(sun, up, cloud_point(ray, ray.start + middle)).y, -1.0, 1.0), nu = dot(d, sun);
+	vec3 density = density_at(h);
+	vec4 single = sunlight_at(h, mu_s) * (bands.rayleigh * density.x * phase_rayleigh(nu) + bands.aerosol_scattering * density.y * phase_aerosol(nu));
+	vec4 share = single / max(single + multiple_source(h, mu, mu_s, nu, density), 1e-30);
+	AirLight light = cloud_air_light(ray, stretch);
+	return share * light.straight + (1.0 - share) * light.diffuse;
+}
 
 Shaded shaded_along(vec3 d, float t_end)
 {
 	Shaded none = Shaded(vec4(0.0), vec4(0.0));
 	CloudRay ray = cloud_ray(d, frame.vertical.xyz, frame.camera_altitude);
-	vec2 under = cloud_below(ray, clouds.bottom);
-	if (ray.start < 0.0 || under.y <= under.x || (clouds.weather.z <= 0.0 && !high_present()))
+	if (ray.start < 0.0 || (clouds.weather.z <= 0.0 && !high_present()))
 		return none;
-	float ground = ray_ground_distance(ray.h, ray.mu);
-	if (ground >= 0.0)
-		under.y = min(under.y, ray.start + ground);
-	under.y = min(under.y, t_end);
-	if (under.y <= under.x)
-		return none;
-	vec4 near_L, near_T, far_L, far_T;
-	aerial_perspective(d, under.x, near_L, near_T);
-	aerial_perspective(d, under.y, far_L, far_T);
-	vec4 change = clouds.weather.z > 0.0 ? (cloud_air_light(ray, under) - 1.0) * max(far_L - near_L, 0.0) : vec4(0.0);
-	if (ground >= 0.0 && t_end > ray.start + ground && (frame.features & FEATURE_GROUND) != 0) {
-		vec4 clear, clouded;
-		ground_irradiance(cloud_point(ray, under.y), frame.sun_direction.xyz, 0, clear, clouded);
-		change += far_T * bands.ground_albedo * bands.sun_irradiance * (clouded - clear) / PI;
+	float ground = ray_ground_distance(ray.h, ray.mu), end = min(ray.start + (ground >= 0.0 ? ground : ray_top_distance(ray.h, ray.mu)), t_end);
+	vec2 top = cloud_below(ray, clouds.top), under = cloud_below(ray, clouds.bottom);
+	top = top.y > top.x ? top : vec2(end);
+	bool through = under.y > under.x;
+	under = through ? under : vec2(0.5 * (top.x + top.y));
+	/* above, within, below, within and above the layer; some of them empty */
+	float bound[6] = float[](ray.start, top.x, under.x, under.y, top.y, end);
+	float open[5] = float[](1.0, 0.5, under.x <= ray.start ? 1.0 : 0.0, under.x <= ray.start || !through ? 0.5 : 0.0, 0.0);
+	Shaded s = none;
+	if (clouds.weather.z > 0.0) {
+		vec4 near_L, near_T, far_L, far_T;
+		aerial_perspective(d, bound[0], near_L, near_T);
+		for (int k = 0; k < 5; k++) {
+			float from = min(bound[k], end), to = min(bound[k + 1], end);
+			if (to > from + 0.5) {
+				aerial_perspective(d, to, far_L, far_T);
+				vec4 change = (air_light(ray, vec2(from, to), d) - 1.0) * max(far_L - near_L, 0.0);
+				s.open += open[k] * change;
+				s.behind += (1.0 - open[k]) * change;
+				near_L = far_L;
+			}
+		}
 	}
-	return under.x > 0.0 ? Shaded(vec4(0.0), change) : Shaded(change, vec4(0.0));
+	if (ground >= 0.0 && t_end > ray.start + ground && (frame.features & FEATURE_GROUND) != 0) {
+		vec3 q = cloud_point(ray, end);
+		vec4 clear, clouded, L, T;
+		ground_irradiance(q, 0, cloud_around(q, CLOUD_AROUND_GAIN), clear, clouded);
+		aerial_perspective(d, end, L, T);
+		vec4 change = T * bands.ground_albedo * bands.sun_irradiance * (clouded - clear) / PI;
+		if (under.x <= ray.start)
+			s.open += change;
+		else
+			s.behind += change;
+	}
+	return s;
 }
 
 #if SHADE == SHADE_OF_RAYS
@@ -134,18 +150,6 @@ Shaded shaded_pixel(int i, vec3 d, float t_end)
 #endif
 }
 
-/* Share that light from below a cloud at distance t has of what it is under a clear sky: the ground there is in the shadow of this cloud
- * and of those around. */
-vec4 lit_below(vec3 d, float t)
-{
-	CloudRay ray = cloud_ray(d, frame.vertical.xyz, frame.camera_altitude);
-	if (ray.start < 0.0 || clouds.weather.z <= 0.0)
-		return vec4(1.0);
-	vec4 clear, clouded;
-	ground_irradiance(cloud_point(ray, t), frame.sun_direction.xyz, CLOUD_GRID_LEVELS - 1, clear, clouded);
-	return clouded / max(clear, 1e-20);
-}
-
 /* Radiance of the clouds at the place where the ray sees them, per sun irradiance of 1. lit: share of the sun that they see there. */
 vec4 cloud_radiance(vec3 d, vec4 answer, float t, float lit)
 {
@@ -153,10 +157,12 @@ vec4 cloud_radiance(vec3 d, vec4 answer, float t, float lit)
 	float R = media.planet_radius, h = frame.camera_altitude;
 	vec3 p = up * (R + h) + d * t;
 	float r = length(p), mu_s = dot(p, sun) / r, at = altitude_at(h, dot(up, d), t);
-	Moments m = multiple_moments(at, mu_s);
-	vec4 down = max(0.25 * m.m0 + 0.5 * m.vz, 0.0), back = max(0.25 * m.m0 - 0.5 * m.vz, 0.0);
-	vec4 sunlight = mu_s > mu_horizon(at) ? exp(-optical_depth(sun_column(at, mu_s))) : vec4(0.0);
-	return sunlight * (lit * answer.y) + (down * answer.z + back * lit_below(d, t) * answer.w) / PI;
+	vec3 q = cloud_point(cloud_ray(d, up, h), t);
+	vec4 down, back;
+	sky_halves(at, mu_s, down, back);
+	down *= cloud_around(q, CLOUD_AROUND_GAIN);
+	back *= cloud_around(q, CLOUD_AROUND_LIT);
+	return sunlight_at(at, mu_s) * (lit * answer.y) + (down * answer.z + back * answer.w) / PI;
 }
 
 /* Share of the sun that a scene leaves to clouds at distance t. */

@@ -32,32 +32,80 @@ float cloud_below_sharp(vec3 q, vec3 to_sun, int least)
 	return mix(cloud_light_of_level(at, level).w, cloud_light_of_level(at, min(level + 1, CLOUD_GRID_LEVELS - 1)).w, blend);
 }
 
+/* Levels of the grids whose cells are half as wide, about, as light is spread that has come from clouds so far off: x and y, of which y has
+ * share z. */
+vec3 cloud_wide_levels(vec3 at, int least, float off)
+{
+	float level = clamp(log2(max(off, 1.0) / clouds.grid[0].z) / log2(CLOUD_GRID_GROWTH) - 0.5, 0.0, float(CLOUD_GRID_LEVELS - 1));
+	int fine = cloud_grid_level(at, max(int(level), least));
+	return vec3(fine, min(fine + 1, CLOUD_GRID_LEVELS - 1), clamp(level - float(fine), 0.0, 1.0));
+}
+
 /* On level ground at q: share of the sun's irradiance that comes straight or nearly so; irradiance that comes diffused, per sun irradiance
- * of 1 on a plane that faces it; share of the sky's; share of the ground's own light that clouds send back. Averaged over cells of at
- * least such a level, what is not straight over those of the next. */
+ * of 1 on a plane that faces it; share of the sky's; share of the ground's own light that clouds send back. What comes straight is averaged
+ * over cells of at least such a level. */
 vec4 cloud_ground_light(vec3 q, vec3 to_sun, int least)
 {
-	vec4 wide = cloud_below_light(q, vec3(0.0, 1.0, 0.0), min(least + 1, CLOUD_GRID_LEVELS - 1));
+	vec3 at = cloud_below_point(q, vec3(0.0, 1.0, 0.0)), levels = cloud_wide_levels(at, least, clouds.bottom - q.y);
+	vec4 wide = mix(cloud_light_of_level(at, int(levels.x)), cloud_light_of_level(at, int(levels.y)), levels.z);
 	return vec4(cloud_below_sharp(q, to_sun, least), 0.5 * wide.x, clamp(vec2(wide.y, wide.z - 2.0 * PI) / (2.0 * PI), 0.0, 1.0));
+}
+
+/*
+ * What clouds do to diffuse light, for each column of the grids, per band and relative to what it is under a clear sky (table cloud_around):
+ * LIT, irradiance of the ground below, which lies in their shadow; GAIN, light of the sky above the layer, which sees clouds below it instead
+ * of the ground; BELOW and ABOVE, light from all directions at the bottom of the layer and at its top.
+ */
+layout(binding = UNIT_CLOUD_AROUND) uniform sampler3D cloud_around_texture;
+
+/* layer: CLOUD_AROUND_, or between two of them. */
+vec4 cloud_around_of_level(vec3 at, int level, float layer)
+{
+	float z = (float(level * CLOUD_AROUND_LAYERS) + layer + 0.5) / float(CLOUD_AROUND_LAYERS * CLOUD_GRID_LEVELS);
+	return textureLod(cloud_around_texture, vec3(cloud_grid_place(at, level).xy / float(CLOUD_GRID_ACROSS), z), 0.0);
+}
+
+/* On the mean over wide surroundings. */
+vec4 cloud_around(vec3 q, int layer)
+{
+	return cloud_around_of_level(cloud_grid_home(q), CLOUD_GRID_LEVELS - 1, float(layer));
+}
+
+/* Light in the air, relative to a clear sky's: share of the sun's that comes straight or nearly so, and diffuse light. */
+struct AirLight {
+	float straight;
+	vec4 diffuse;
+};
+
+/* Below the layer and above it as in its outermost cells, wider ones from afar; within it, where air is between clouds, in between, and on
+ * the mean over about `apart` m. */
+AirLight cloud_air_at(vec3 q, vec3 to_sun, float apart)
+{
+	float off = max(q.y - clouds.top, clouds.bottom - q.y);
+	vec3 at = cloud_grid_home(q), levels = cloud_wide_levels(at, 0, off > 0.0 ? off : apart);
+	int fine = int(levels.x), wide = int(levels.y);
+	float straight = q.y < clouds.bottom ? cloud_below_light(q, to_sun, 0).w : q.y < clouds.top ? cloud_light_of_level(at, wide).w : 1.0;
+	float layer = mix(float(CLOUD_AROUND_BELOW), float(CLOUD_AROUND_ABOVE), clamp(cloud_height(q.y), 0.0, 1.0));
+	return AirLight(straight, mix(cloud_around_of_level(at, fine, layer), cloud_around_of_level(at, wide, layer), levels.z));
 }
 
 /* Samples of light in the air: as far apart as that, but no fewer and no more than so many. */
 const float AIR_STEP = 4000.0; /* m: with fewer, lines show towards the horizon */
 const float AIR_FEWEST = 4.0, AIR_MOST = 32.0;
 
-/* Light in the air along a stretch of a ray below the layer, relative to a clear sky's: sun that comes through, and
- * light from the clouds. */
-float cloud_air_light(CloudRay ray, vec2 stretch)
+/* Its mean along a stretch of a ray. */
+AirLight cloud_air_light(CloudRay ray, vec2 stretch)
 {
 	vec3 up = frame.vertical.xyz, sun = frame.sun_direction.xyz;
 	int n = int(clamp(ceil((stretch.y - stretch.x) / AIR_STEP), AIR_FEWEST, AIR_MOST)), i = 0;
-	float sum = 0.0;
+	AirLight sum = AirLight(0.0, vec4(0.0));
 	do {
 		vec3 q = cloud_point(ray, mix(stretch.x, stretch.y, (float(i) + 0.5) / float(n)));
-		vec4 light = cloud_below_light(q, cloud_direction(sun, up, q), 0);
-		sum += min(light.w + light.x, 1.0);
+		AirLight light = cloud_air_at(q, cloud_direction(sun, up, q), (stretch.y - stretch.x) / float(n));
+		sum.straight += light.straight;
+		sum.diffuse += light.diffuse;
 	} while (++i < n);
-	return sum / float(n);
+	return AirLight(sum.straight / float(n), sum.diffuse / float(n));
 }
 
 /* Share of the sun's light at q, at any height, that comes straight or nearly so. */

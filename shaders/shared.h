@@ -116,6 +116,14 @@ typedef unsigned int uint;
 #define UNIT_RADIANCE 33
 
 #define UNIT_CLOUD_SUN 34     /* optical depth of clouds to the sun; cloud_sun.glsl */
+#define UNIT_CLOUD_AROUND 35  /* what clouds do to the light around them; cloud_shadow.glsl */
+
+/* Layers of that table for each level of the grids. */
+#define CLOUD_AROUND_LIT 0
+#define CLOUD_AROUND_GAIN 1
+#define CLOUD_AROUND_BELOW 2
+#define CLOUD_AROUND_ABOVE 3
+#define CLOUD_AROUND_LAYERS 4
 
 /* Samples of a pixel in the raster pass. */
 #define RASTER_SAMPLES 4

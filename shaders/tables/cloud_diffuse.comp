@@ -38,9 +38,10 @@ vec4 exchange(ivec3 texel, ivec2 way, float D, float side)
 	return vec4(c * there.rgb, c);
 }
 
-float extinction_of(ivec3 texel)
+/* Scaled: to diffuse light, and to sunlight. */
+vec2 extinction_of(ivec3 texel)
 {
-	return texelFetch(cloud_cells_texture, texel, 0).r * cloud_light_scale();
+	return texelFetch(cloud_cells_texture, texel, 0).rg * cloud_light_scale();
 }
 
 void empty_column(ivec3 foot)
@@ -58,13 +59,14 @@ void relax_column(ivec3 foot, vec3 side, bool alone)
 	for (int h = 0; h < CLOUD_GRID_UP; h++) {
 		ivec3 texel = foot + ivec3(0, 0, h);
 		vec4 next = texelFetch(cloud_openness_texture, texel + ivec3(0, 0, h + 1 < CLOUD_GRID_UP ? 1 : 0), 0);
-		float sigma = extinction_of(texel), D = openness.w, P = openness.x + openness.y;
+		vec2 sigma = extinction_of(texel);
+		float D = openness.w, P = openness.x + openness.y;
 		float above = h + 1 < CLOUD_GRID_UP ? 2.0 * D * next.w / ((D + next.w + 1e-9) * side.z * side.z) : 0.0;
 		vec4 sum = vec4(0.0);
 		for (int i = alone ? 4 : 0; i < 4; i++)
 			sum += exchange(texel, ivec2(i == 0 ? 1 : i == 1 ? -1 : 0, i == 2 ? 1 : i == 3 ? -1 : 0), D, side.x);
-		vec3 source = sigma * vec3(albedo * openness.z * (1.0 - P), 4.0 * PI * openness.xy);
-		float loss = sigma * max(1.0 - albedo * (1.0 - P), 1e-6);
+		vec3 source = sigma.grr * vec3(albedo * openness.z * (1.0 - P), 4.0 * PI * openness.xy);
+		float loss = sigma.r * max(1.0 - albedo * (1.0 - P), 1e-6);
 		float pivot = max(sum.w + above + loss + below * (1.0 - under.w), 1e-12);
 		under = vec4((sum.rgb + source + below * under.rgb) / pivot, above / pivot);
 		line[h] = under;
@@ -86,9 +88,10 @@ void last_run(ivec3 foot)
 {
 	for (int h = 0; h < CLOUD_GRID_UP; h++) {
 		ivec3 texel = foot + ivec3(0, 0, h);
-		float sigma = extinction_of(texel), T_sun = texelFetch(cloud_openness_texture, texel, 0).z;
+		vec2 sigma = extinction_of(texel);
+		float T_sun = texelFetch(cloud_openness_texture, texel, 0).z;
 		vec3 field = max(texelFetch(cloud_diffuse_texture, texel, 0).rgb, 0.0);
-		imageStore(table, texel, vec4((field + vec3(T_sun, 0.0, 0.0)) * (sigma * cloud_light_albedo()), sigma));
+		imageStore(table, texel, vec4((sigma.r * field + vec3(sigma.g * T_sun, 0.0, 0.0)) * cloud_light_albedo(), sigma.r));
 	}
 }
 

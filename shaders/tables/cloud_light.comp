@@ -3,36 +3,32 @@
  * (table cloud_diffuse: x, y, z emitted for sun, sky, ground; w σ'), and of sky and ground behind them. It mends
  * what diffusion gets wrong where light leaves. w: transmittance to the sun.
  */
-#include "cloud_grid.glsl"
+#include "cloud_sweep.glsl"
 
 layout(local_size_x = 8, local_size_y = 4, local_size_z = 2) in;
 layout(rgba32f, binding = 0) uniform writeonly image3D table;
 layout(binding = UNIT_CLOUD_OPENNESS) uniform sampler3D cloud_openness_texture;
-layout(binding = UNIT_CLOUD_DIFFUSE) uniform sampler3D cloud_diffuse_texture;
 
-const int STEPS = 7;
+/* What the outermost cells see of the layer: a half-space, by Gauss-Legendre in the cosine. The highest have light from all directions, for the air above. The lowest
+ * have twice the irradiance of a level plane, which is the same where it comes evenly, and right for the ground. */
+const int RINGS = 3, ROUND = 4;
+const vec2 RING[RINGS] = vec2[](vec2(0.1127017, 0.2777778), vec2(0.5, 0.4444444), vec2(0.8872983, 0.2777778));
 
-vec4 emitted(vec3 q, int level)
+vec3 layer_seen(vec3 q, float way, int level)
 {
-	return textureLod(cloud_diffuse_texture, cloud_grid_coordinates(cloud_grid_place(q, level), level), 0.0);
-}
-
-vec3 arriving(vec3 q, vec3 d, int level)
-{
-	float crossing = cloud_grid_crossing(d, level), step_ = 0.5 * crossing, t = 0.0, T = 1.0, way_out = cloud_grid_way_out(q, d);
+	float rise = (clouds.top - clouds.bottom) / float(CLOUD_GRID_UP);
 	vec3 sum = vec3(0.0);
-	for (int i = 0; i < STEPS; i++) {
-		float part = clamp(way_out - t, 0.0, step_);
-		vec3 at = q + d * (t + 0.5 * part);
-		vec4 e = emitted(at, cloud_grid_level(at, min(step_ > 2.5 * crossing ? level + 1 : level, CLOUD_GRID_LEVELS - 1)));
-		float x = e.w * part, through = exp(-x);
-		sum += T * e.rgb * (x > 1e-3 ? (1.0 - through) / e.w : part * (1.0 - 0.5 * x));
-		T *= through;
-		t += step_;
-		step_ *= i == 0 ? 2.0 : 2.2;
+	for (int i = 0; i < RINGS * ROUND; i++) {
+		vec2 ring = RING[i / ROUND];
+		float turn = 2.0 * PI * (float(i % ROUND) + 0.29 * float(i / ROUND)) / float(ROUND), sine = sqrt(1.0 - ring.x * ring.x), T = 1.0;
+		vec3 d = vec3(sine * cos(turn), way * ring.x, sine * sin(turn)), seen = vec3(0.0);
+		int k = 0;
+		do
+			emit(seen, T, q + d * ((float(k) + 0.5) * rise / ring.x), rise / ring.x, level);
+		while (++k < CLOUD_GRID_UP);
+		sum += ring.y / float(ROUND) * (way > 0.0 ? 2.0 * ring.x : 1.0) * (seen + 4.0 * PI * T * vec3(0.0, way > 0.0 ? 1.0 : 0.0, way < 0.0 ? 1.0 : 0.0));
 	}
-	float sky = cloud_sky_share(d);
-	return sum + 4.0 * PI * T * vec3(0.0, sky, 1.0 - sky);
+	return 0.5 * sum + 2.0 * PI * vec3(0.0, way < 0.0 ? 1.0 : 0.0, way > 0.0 ? 1.0 : 0.0);
 }
 
 /* Does a sample anywhere in the cell read what is here? Cells around it count. */
@@ -55,11 +51,13 @@ void main()
 	vec3 place = vec3(texel.xy, texel.z - level * CLOUD_GRID_UP) + 0.5, q = cloud_grid_point(place, level);
 	vec4 openness = texelFetch(cloud_openness_texture, texel, 0);
 	vec3 sum = vec3(0.0, 2.0 * PI, 2.0 * PI);
-	/* the lowest cells are what the ground and the air below see */
-	for (int busy = place.z < 1.0 || reads_cloud(place, level) ? 1 : 0; busy > 0; busy--) {
+	float way = place.z < 1.0 ? 1.0 : place.z > float(CLOUD_GRID_UP) - 1.0 ? -1.0 : 0.0;
+	for (int busy = way == 0.0 && reads_cloud(place, level) ? 1 : 0; busy > 0; busy--) {
 		sum = vec3(0.0);
 		for (int i = 0; i < CLOUD_DIRECTIONS; i++)
 			sum += cloud_grid_weight(i) * arriving(q, cloud_grid_direction(i), level);
 	}
+	for (int busy = way != 0.0 ? 1 : 0; busy > 0; busy--)
+		sum = layer_seen(q, way, level);
 	imageStore(table, texel, vec4(sum, openness.z));
 }

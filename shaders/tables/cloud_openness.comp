@@ -14,8 +14,8 @@ layout(rgba32f, binding = 0) uniform writeonly image3D table;
 const float CLOUDS_APART = 500.0; /* m */
 
 /* Mean transmittance from the points of a cell out along d: through half of it, then in steps that grow; those longer than so many cells
- * go through the next, coarser level. */
-float cell_transmittance(vec3 q, vec3 d, int level, float own, int steps, float growth, float longest)
+ * go through the next, coarser level. which: share of either extinction that cells have. */
+float cell_transmittance(vec3 q, vec3 d, int level, vec2 which, float own, int steps, float growth, float longest)
 {
 	float crossing = cloud_grid_crossing(d, level), x = own * crossing, step_ = crossing, t = 0.5 * crossing;
 	float depth = 0.0, way_out = cloud_grid_way_out(q, d);
@@ -23,7 +23,7 @@ float cell_transmittance(vec3 q, vec3 d, int level, float own, int steps, float 
 		float part = clamp(way_out - t, 0.0, step_);
 		vec3 at = q + d * (t + 0.5 * part);
 		int l = cloud_grid_level(at, min(step_ > longest * crossing ? level + 1 : level, CLOUD_GRID_LEVELS - 1));
-		depth += part * textureLod(cloud_cells_texture, cloud_grid_coordinates(cloud_grid_place(at, l), l), 0.0).r;
+		depth += part * dot(which, textureLod(cloud_cells_texture, cloud_grid_coordinates(cloud_grid_place(at, l), l), 0.0).rg);
 		t += step_;
 		step_ *= i > 0 ? growth : 1.0;
 	}
@@ -37,16 +37,17 @@ void main()
 		return;
 	int level = texel.z / CLOUD_GRID_UP;
 	vec3 q = cloud_grid_point(vec3(texel.xy, texel.z - level * CLOUD_GRID_UP) + 0.5, level);
-	float own = texelFetch(cloud_cells_texture, texel, 0).r * cloud_light_scale(), up = 0.0, down = 0.0;
+	vec2 sigma = texelFetch(cloud_cells_texture, texel, 0).rg * cloud_light_scale();
+	float own = sigma.r, up = 0.0, down = 0.0;
 	/* where nothing is, nothing leaves */
 	for (int i = 0; i < (own > 0.0 ? CLOUD_DIRECTIONS : 0); i++) {
 		vec3 d = cloud_grid_direction(i);
-		float T = cloud_grid_weight(i) * cell_transmittance(q, d, level, own, 7, 2.2, 3.0), sky = cloud_sky_share(d);
+		float T = cloud_grid_weight(i) * cell_transmittance(q, d, level, vec2(1.0, 0.0), own, 7, 2.2, 3.0), sky = step(0.0, d.y);
 		up += T * sky;
 		down += T * (1.0 - sky);
 	}
 	vec3 to_sun = cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q);
-	float T_sun = cell_transmittance(q, to_sun, level, own, 24, 1.15, 8.0);
-	float D = (1.0 - up - down) * own / (3.0 * (own * own + 2.0 / (CLOUDS_APART * CLOUDS_APART)));
+	float T_sun = cell_transmittance(q, to_sun, level, vec2(0.0, 1.0), sigma.g, 24, 1.15, 8.0);
+	float inner = max(1.0 - 2.0 * (up + down), 0.0), D = inner * inner * inner * own / (3.0 * (own * own + 2.0 / (CLOUDS_APART * CLOUDS_APART)));
 	imageStore(table, texel, vec4(up, down, T_sun, max(D, 0.0)));
 }
