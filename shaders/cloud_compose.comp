@@ -12,24 +12,23 @@
 #ifdef SURFACES
 #include "shadow.glsl"
 #endif
-#if defined SHADE && SHADE == SHADE_OF_RAYS
+#ifndef SHADE
+#define SHADE SHADE_HERE
+#endif
+#if SHADE != SHADE_HERE
+#include "pixel_list.glsl"
+#endif
+#if SHADE == SHADE_OF_RAYS
 #include "cloud_lattice.glsl"
 #endif
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BATCH) uniform int batch;
-#ifndef SHADE
-#define SHADE SHADE_HERE
-#endif
 #if SHADE == SHADE_OF_RAYS
 layout(location = LOCATION_SAMPLES) uniform ivec4 samples; /* x: 0 for the corners of the lattice's cells, 1 for the pixels listed */
 layout(std430, binding = BIND_CLOUD_LATTICE) writeonly buffer Lattice { vec4 lattice[]; };
-layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
 #else
-#if SHADE == SHADE_THERE
-layout(std430, binding = BIND_CLOUD_LIST) readonly buffer List { uint list[]; };
-#endif
 layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
 #endif
 #if SHADE != SHADE_HERE
@@ -105,11 +104,10 @@ void main()
 	bool listed = samples.x != 0;
 	ivec2 count = lattice_size(tile) / 2 + 1, own = ivec2(i % count.x, i / count.x);
 	if (!listed && i == 0)
-		for (int k = 0; k < CLOUD_LIST_FIRST; k++)
-			list[k] = k % CLOUD_LIST_HEAD == 1 || k % CLOUD_LIST_HEAD == 2 ? 1u : 0u;
-	if (i >= (listed ? int(list[CLOUD_LIST_HEAD + 3]) : count.x * count.y))
+		lists_clear();
+	if (i >= (listed ? list_length(CLOUD_LIST_SHADED) : count.x * count.y))
 		return;
-	int at = listed ? int(list[CLOUD_LIST_FIRST + i]) : i;
+	int at = listed ? list_point(CLOUD_LIST_SHADED, i) : i;
 	vec3 d = pixel_direction(listed ? tile.xy + ivec2(at % tile.z, at / tile.z) : lattice_pixel(tile, 2 * own)).xyz;
 	Shaded s = shaded_along(d, NO_SURFACE);
 	if (listed) {
@@ -207,9 +205,9 @@ void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
 #if SHADE == SHADE_THERE
-	if (i >= int(list[CLOUD_LIST_COMPOSED * CLOUD_LIST_HEAD + 3]))
+	if (i >= list_length(CLOUD_LIST_COMPOSED))
 		return;
-	i = int(list[CLOUD_LIST_FIRST + tile.z * tile.w + i]);
+	i = list_point(CLOUD_LIST_COMPOSED, i);
 #else
 	if (i >= tile.z * tile.w)
 		return;

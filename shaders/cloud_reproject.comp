@@ -5,6 +5,7 @@
  */
 #include "cloud_density.glsl"
 #include "cloud_history.glsl"
+#include "pixel_list.glsl"
 
 /* CLOUD_RAYS_BLOCKS: all blocks; it lists those around which what is marched does not agree. CLOUD_RAYS_PIXELS: these. */
 #ifndef RAYS
@@ -17,7 +18,6 @@ layout(location = LOCATION_TILE) uniform ivec4 tile;
  * The last row is as much longer than 1 as the field of view was wider. */
 layout(location = LOCATION_ROWS) uniform vec4 rows[3];
 layout(std430, binding = BIND_CLOUD_LATTICE) readonly buffer Lattice { vec4 lattice[]; };
-layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
 layout(std430, binding = BIND_CLOUD_BEFORE) readonly buffer Before { uvec4 before[]; };
 layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
@@ -142,14 +142,6 @@ bool remember(vec4 d, float t, out Sight then)
 	return same_place;
 }
 
-void add_to_list(int which, int first, int at)
-{
-	int head = which * CLOUD_LIST_HEAD;
-	uint i = atomicAdd(list[head + 3], 1u);
-	list[CLOUD_LIST_FIRST + first + int(i)] = uint(at);
-	atomicMax(list[head], i / WORKGROUP_LINE + 1u);
-}
-
 void show(int i, Sight s)
 {
 	light[i] = s.light;
@@ -171,7 +163,7 @@ void fill(ivec2 pixel, int i, Sight s[4], vec2 x, Around a)
 	} else if (alike(s[0], s[1], s[2], s[3])) {
 		show(i, between(s[0], s[1], s[2], s[3], x));
 	} else {
-		add_to_list(1, 0, i);
+		list_add(CLOUD_LIST_PIXELS, i);
 	}
 }
 #endif
@@ -182,9 +174,9 @@ void main()
 	int n = int(gl_GlobalInvocationID.x);
 	ivec2 first = tile.xy / BLOCK, count = (tile.xy + tile.zw - 1) / BLOCK - first + 1;
 #if RAYS == CLOUD_RAYS_PIXELS
-	if (n >= int(list[3]))
+	if (n >= list_length(CLOUD_LIST_POINTS))
 		return;
-	n = int(list[CLOUD_LIST_FIRST + tile.z * tile.w + n]);
+	n = list_point(CLOUD_LIST_POINTS, n);
 #else
 	if (n >= count.x * count.y)
 		return;
@@ -194,7 +186,7 @@ void main()
 #if RAYS == CLOUD_RAYS_BLOCKS
 	bool still = samples.z == 1, agreed = agree(a);
 	if (!still && !agreed)
-		add_to_list(0, tile.z * tile.w, n);
+		list_add(CLOUD_LIST_POINTS, n);
 #endif
 	for (int q = 0; q < 4; q++) {
 		ivec2 side = ivec2(q & 1, q >> 1), low = block + side - 1, from = side * samples.xy, to = mix(samples.xy, ivec2(BLOCK), equal(side, ivec2(1)));

@@ -5,12 +5,12 @@
  */
 #include "directions.glsl"
 #include "cloud_lattice.glsl"
+#include "pixel_list.glsl"
 #include "colour.glsl"
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(std430, binding = BIND_CLOUD_LATTICE) readonly buffer Lattice { vec4 lattice[]; };
-layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
 layout(std430, binding = BIND_CLOUD_SHADE) writeonly buffer Shade { vec4 shade[]; };
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
@@ -21,14 +21,6 @@ const float MOST_CHANGE = 0.03; /* of the pixel's luminance, between corners */
 float taken(int i)
 {
 	return dot(bands.to_rgb[1], lattice[i] + lattice[i + 1]);
-}
-
-void add_to_list(int which, int i)
-{
-	int head = which * CLOUD_LIST_HEAD;
-	uint n = atomicAdd(list[head + 3], 1u);
-	list[CLOUD_LIST_FIRST + (which == CLOUD_LIST_SHADED ? 0 : tile.z * tile.w) + int(n)] = uint(i);
-	atomicMax(list[head], n / WORKGROUP_LINE + 1u);
 }
 
 void main()
@@ -48,9 +40,9 @@ void main()
 	bool little = max(most.x, most.y) - min(least.x, least.y) <= MOST_CHANGE * radiance[i].g;
 	bool clear = !composed(light[i], direction_of(i));
 	if (!clear)
-		add_to_list(CLOUD_LIST_COMPOSED, i);
+		list_add(CLOUD_LIST_COMPOSED, i);
 	if (!near_ || !alike_ || !little || a.x == float(COURSE_TO_GROUND)) {
-		add_to_list(CLOUD_LIST_SHADED, i);
+		list_add(CLOUD_LIST_SHADED, i);
 		return;
 	}
 	vec4 s[2];
