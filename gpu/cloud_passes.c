@@ -103,10 +103,10 @@ static bool layered(const struct frame *f)
 	       f->job.request.image.layers & WELKIN_LAYER_CLOUDS;
 }
 
-/* Blocks that a tile has along an axis, with so many more on both sides; cloud_history.glsl. */
-static int blocks_across(int from, int pixels, int more)
+/* Blocks that a tile has along an axis; cloud_history.glsl. */
+static int blocks_across(int from, int pixels)
 {
-	return (from + pixels - 1) / 4 - from / 4 + 1 + 2 * more;
+	return (from + pixels - 1) / 4 - from / 4 + 1;
 }
 
 bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error *err)
@@ -188,15 +188,15 @@ static void march_blocks(struct workspace *ws, const struct frame *f, const stru
 	const int *tile = march->tile, pixels = tile[2] * tile[3];
 	struct pass pass = *march;
 	cloud_history_bind(f, &pass);
-	pass.storage[BIND_CLOUD_LATTICE] = ws->cloud_lattice.id;
 	pass.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
 	struct pass agreeing = pass, reproject = pass, listed = pass;
 	pass.program = f->cloud_reprojection.blocks;
-	pass.threads[0] = blocks_across(tile[0], tile[2], 1) * blocks_across(tile[1], tile[3], 1);
+	cloud_history_next_blocks(f, tile, pass.tile);
+	pass.threads[0] = pass.tile[2] * pass.tile[3];
 	passes_run(ws->passes, &pass);
 	agreeing.name = reproject.name = "cloud-history";
 	agreeing.program = f->cloud_reprojection.agreeing;
-	agreeing.threads[0] = blocks_across(tile[0], tile[2], 0) * blocks_across(tile[1], tile[3], 0);
+	agreeing.threads[0] = blocks_across(tile[0], tile[2]) * blocks_across(tile[1], tile[3]);
 	passes_run(ws->passes, &agreeing);
 	reproject.program = f->cloud_reprojection.reproject;
 	reproject.indirect = ws->cloud_list.id;
@@ -246,7 +246,9 @@ static void compose_tile(struct workspace *ws, const struct frame *f, const stru
 	corners.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
 	corners.storage[BIND_CLOUD_SHADE] = ws->cloud_shade.id;
 	struct pass fill = corners, shaded = corners, composed = corners;
-	corners.threads[0] = (lattice_across(tile[0], tile[2]) / 2 + 1) * (lattice_across(tile[1], tile[3]) / 2 + 1);
+	const int cells[2] = { lattice_across(tile[0], tile[2]) / 2, lattice_across(tile[1], tile[3]) / 2 };
+	corners.threads[0] = (cells[0] + 1) * (cells[1] + 1);
+	fill.threads[0] = cells[0] * cells[1];
 	fill.program = f->cloud_shade.fill;
 	shaded.samples[0] = 1;
 	shaded.indirect = composed.indirect = ws->cloud_list.id;

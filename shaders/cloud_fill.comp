@@ -11,8 +11,9 @@
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
-layout(std430, binding = BIND_CLOUD_LATTICE) buffer Lattice { vec4 lattice[]; };
-#if RAYS == CLOUD_RAYS_PIXELS
+#if RAYS == CLOUD_RAYS_LATTICE
+layout(std430, binding = BIND_CLOUD_LATTICE) writeonly buffer Lattice { vec4 lattice[]; };
+#else
 layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
 #endif
@@ -24,8 +25,7 @@ struct Corner {
 
 Corner corner(ivec2 point, int across)
 {
-	int at = 2 * (point.y * across + point.x);
-	return Corner(Sight(lattice[at], lattice[at + 1]), pixel_direction(lattice_pixel(tile, point)));
+	return Corner(sight_of_lattice(point.y * across + point.x), pixel_direction(lattice_pixel(tile, point)));
 }
 
 /* Do the four show the same in about the same direction? */

@@ -10,7 +10,7 @@
 #include "surface_distance.glsl"
 
 /* Which rays: those of a buffer, one per pixel of the tile; the corners of the lattice's cells; those that cloud_fill.comp or
- * cloud_reproject.comp listed, of the lattice or of the tile; or one of each block. */
+ * cloud_reproject.comp listed, of the lattice or of the tile; or one of each block, and then the tile is one of blocks. */
 #ifndef RAYS
 #define RAYS CLOUD_RAYS_GIVEN
 #endif
@@ -86,8 +86,8 @@ void main()
 	if (i == 0)
 		lists_clear();
 #if RAYS == CLOUD_RAYS_BLOCKS
-	ivec2 count = block_count(tile), own = by_twos(i, count), pixel = block_pixel(block_first(tile) + own);
-	int at = 2 * (own.y * count.x + own.x);
+	ivec2 count = tile.zw, block = tile.xy + by_twos(i, count), pixel = block_pixel(block);
+	int at = 2 * block_number(block);
 #else
 	ivec2 size = lattice_size(tile), count = size / 2 + 1, own = by_twos(i, count), pixel = lattice_pixel(tile, 2 * own);
 	int at = 4 * (own.y * size.x + own.x);

@@ -115,6 +115,12 @@ typedef unsigned int uint;
 #define UNIT_AMBIENT 32
 #define UNIT_RADIANCE 33
 
+#define UNIT_CLOUD_LATTICE 35
+#define UNIT_CLOUD_SHADE 36
+#define UNIT_CLOUD_BEFORE 37
+#define UNIT_CLOUD_LIGHT_OF_RAYS 38
+#define UNIT_CLOUD_PLACE 39
+
 #define UNIT_CLOUD_SUN 34     /* optical depth of clouds to the sun; cloud_sun.glsl */
 
 /* Samples of a pixel in the raster pass. */
@@ -227,7 +233,8 @@ typedef unsigned int uint;
 #define CLOUD_LIST_SHADED 1
 #define COURSE_NO_AIR 0
 #define COURSE_TO_GROUND 1
-#define COURSE_IN_AIR 2 /* and above, by the shells that are met */
+#define COURSE_TO_NEAR_GROUND 2 /* where shadows are smooth between corners of the lattice's cells */
+#define COURSE_IN_AIR 3 /* and above, by the shells that are met */
 
 #define SHAPE_DILATED_SQUARED 0
 #define SHAPE_DILATED 1
