@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { HISTORIES = 4, PIXEL_BYTES = 16 };
+enum { HISTORIES = 4, PIXEL_BYTES = 16, BLOCK = 4, BLOCK_BYTES = 32 };
 
 static const size_t most_bytes = (size_t)512 << 20;
 
@@ -32,6 +32,9 @@ struct cloud_history {
 	unsigned used;
 	struct buffer pixels[2];
 	int latest; /* of the two: what is there; the other is being written */
+	struct buffer blocks;
+	int marched[2]; /* columns and rows of blocks: all in rows before the latter, and in others columns before the
+			   former */
 	struct look look;
 };
 
@@ -176,13 +179,14 @@ static bool is_cut(const struct look *from, const struct look *to, char why[92])
 
 static size_t bytes(const struct cloud_history *h)
 {
-	return h->pixels[0].size + h->pixels[1].size;
+	return h->pixels[0].size + h->pixels[1].size + h->blocks.size;
 }
 
 static void forget(struct cloud_history *h)
 {
 	for (int i = 0; i < 2; i++)
 		workspace_release(&h->pixels[i]);
+	workspace_release(&h->blocks);
 	*h = (struct cloud_history){ .frame = -1 };
 }
 
@@ -210,7 +214,7 @@ static struct cloud_history *find(struct cloud_histories *all, uint64_t sequence
 }
 
 /* Within the bound, at the cost of those that have waited longest. */
-static bool make_room(struct cloud_histories *all, struct cloud_history *h, size_t size)
+static bool make_room(struct cloud_histories *all, struct cloud_history *h, size_t size, size_t blocks_size)
 {
 	struct error err;
 	if (h->pixels[0].size < size)
@@ -218,6 +222,8 @@ static bool make_room(struct cloud_histories *all, struct cloud_history *h, size
 	for (int i = 0; i < 2; i++)
 		if (!workspace_reserve(&h->pixels[i], size, false, &err))
 			return false;
+	if (!workspace_reserve(&h->blocks, blocks_size, false, &err))
+		return false;
 	for (;;) {
 		size_t sum = 0;
 		for (int i = 0; i < HISTORIES; i++)
@@ -236,17 +242,25 @@ static bool make_room(struct cloud_histories *all, struct cloud_history *h, size
 	}
 }
 
+/* Blocks of an image along an axis; cloud_history.glsl. */
+static int blocks_across(int pixels)
+{
+	return (pixels + BLOCK - 1) / BLOCK;
+}
+
 /* Where the frame's clouds are kept; NULL: nowhere. */
 static struct cloud_history *take(struct workspace *ws, const struct frame *f)
 {
-	const size_t size = (size_t)f->job.request.image.width * (size_t)f->job.request.image.height * PIXEL_BYTES;
+	const int width = f->job.request.image.width, height = f->job.request.image.height;
+	const size_t size = (size_t)width * (size_t)height * PIXEL_BYTES;
+	const size_t blocks_size = (size_t)blocks_across(width) * (size_t)blocks_across(height) * BLOCK_BYTES;
 	struct cloud_histories *all = ws->histories;
-	if (2 * size > most_bytes || (!all && !(all = ws->histories = calloc(1, sizeof *all))))
+	if (2 * size + blocks_size > most_bytes || (!all && !(all = ws->histories = calloc(1, sizeof *all))))
 		return NULL;
 	struct cloud_history *h = find(all, f->job.sequence);
 	if (!h || h->busy)
 		return NULL;
-	if (!make_room(all, h, size)) {
+	if (!make_room(all, h, size, blocks_size)) {
 		forget(h);
 		return NULL;
 	}
@@ -332,6 +346,7 @@ void cloud_history_begin(struct workspace *ws, struct frame *f)
 	if (h) {
 		h->frame = -1; /* until all of it is there */
 		h->look = look;
+		h->marched[0] = h->marched[1] = 0;
 	}
 	if (f->reprojects)
 		planner_note(&f->plan, pass, true, "15 of 16 pixels from frame %d", f->job.frame - 1);
@@ -344,8 +359,26 @@ void cloud_history_bind(const struct frame *f, struct pass *pass)
 	const struct cloud_history *h = f->history;
 	pass->storage[BIND_CLOUD_BEFORE] = h->pixels[h->latest].id;
 	pass->storage[BIND_CLOUD_KEPT] = h->pixels[!h->latest].id;
+	pass->storage[BIND_CLOUD_LATTICE] = h->blocks.id;
 	memcpy(pass->rows, f->before.rows, sizeof pass->rows);
 	memcpy(pass->samples, f->before.pixel, sizeof f->before.pixel);
+}
+
+void cloud_history_next_blocks(const struct frame *f, const int tile[4], int blocks[4])
+{
+	int *marched = f->history->marched, end[2];
+	const int size[2] = { f->job.request.image.width, f->job.request.image.height };
+	for (int i = 0; i < 2; i++) {
+		const int all = blocks_across(size[i]), needed = blocks_across(tile[i] + tile[i + 2]) + 1;
+		end[i] = needed < all ? needed : all;
+		blocks[i] = marched[i];
+		blocks[i + 2] = end[i] > marched[i] ? end[i] - marched[i] : 0;
+	}
+	marched[0] = end[0];
+	if (tile[0] + tile[2] == size[0]) {
+		marched[0] = 0;
+		marched[1] = end[1];
+	}
 }
 
 void cloud_history_keep(struct frame *f)

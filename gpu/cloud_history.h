@@ -20,6 +20,11 @@ void cloud_history_begin(struct workspace *ws, struct frame *frame);
 /* Sets up a pass of the march that knows the frame before. */
 void cloud_history_bind(const struct frame *frame, struct pass *pass);
 
+/* The blocks (x, y, columns, rows) whose pixel a tile's passes need and no tile before it did, which counts them as
+ * marched; none where there are no columns or no rows. Tiles come from left to right, and bands of them from the top.
+ */
+void cloud_history_next_blocks(const struct frame *frame, const int tile[4], int blocks[4]);
+
 /* All its clouds are kept: the next frame may have them. */
 void cloud_history_keep(struct frame *frame);
 

@@ -103,10 +103,10 @@ static bool layered(const struct frame *f)
 	       f->job.request.image.layers & WELKIN_LAYER_CLOUDS;
 }
 
-/* Blocks that a tile has along an axis, with so many more on both sides; cloud_history.glsl. */
-static int blocks_across(int from, int pixels, int more)
+/* Blocks that a tile has along an axis; cloud_history.glsl. */
+static int blocks_across(int from, int pixels)
 {
-	return (from + pixels - 1) / 4 - from / 4 + 1 + 2 * more;
+	return (from + pixels - 1) / 4 - from / 4 + 1;
 }
 
 bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error *err)
@@ -124,7 +124,7 @@ bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error 
 	       choose_reprojection(ws, f, choices, err);
 }
 
-/* Points of a tile's lattice, at most; cloud_lattice.glsl. */
+/* Points of a tile's lattice, at most; cloud_lattice.glsl. Twice as many as either list of pixel_list.glsl holds. */
 static size_t lattice_points(int pixels)
 {
 	/* a tile is a rectangle of at least 4 rows and columns but at the image's edges: w/2 + 3 by h/2 + 3 at most */
@@ -146,6 +146,12 @@ bool clouds_reserve(struct workspace *ws, const struct frame *f, int pixels, str
 		       (workspace_reserve(&ws->cloud_lattice, points * 8 * sizeof(float), false, err) &&
 			       workspace_reserve(
 				       &ws->cloud_list, (points + CLOUD_LIST_FIRST) * sizeof(uint), false, err)));
+}
+
+/* Where a list says how many workgroups it needs, in bytes; pixel_list.glsl. */
+static int list_head(int which)
+{
+	return which * CLOUD_LIST_HEAD * (int)sizeof(uint);
 }
 
 /* Every fourth pixel, then what lies between, marched where its neighbours do not agree. */
@@ -171,7 +177,7 @@ static void march_lattice(struct workspace *ws, const struct frame *f, const str
 		passes_run(ws->passes, &fill);
 		listed.program = rounds[i].march;
 		listed.indirect = ws->cloud_list.id;
-		listed.indirect_at = i * CLOUD_LIST_HEAD * (int)sizeof(uint);
+		listed.indirect_at = list_head(i == 0 ? CLOUD_LIST_POINTS : CLOUD_LIST_PIXELS);
 		passes_run(ws->passes, &listed);
 	}
 }
@@ -182,24 +188,24 @@ static void march_blocks(struct workspace *ws, const struct frame *f, const stru
 	const int *tile = march->tile, pixels = tile[2] * tile[3];
 	struct pass pass = *march;
 	cloud_history_bind(f, &pass);
-	pass.storage[BIND_CLOUD_LATTICE] = ws->cloud_lattice.id;
 	pass.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
 	struct pass agreeing = pass, reproject = pass, listed = pass;
 	pass.program = f->cloud_reprojection.blocks;
-	pass.threads[0] = blocks_across(tile[0], tile[2], 1) * blocks_across(tile[1], tile[3], 1);
+	cloud_history_next_blocks(f, tile, pass.tile);
+	pass.threads[0] = pass.tile[2] * pass.tile[3];
 	passes_run(ws->passes, &pass);
 	agreeing.name = reproject.name = "cloud-history";
 	agreeing.program = f->cloud_reprojection.agreeing;
-	agreeing.threads[0] = blocks_across(tile[0], tile[2], 0) * blocks_across(tile[1], tile[3], 0);
+	agreeing.threads[0] = blocks_across(tile[0], tile[2]) * blocks_across(tile[1], tile[3]);
 	passes_run(ws->passes, &agreeing);
 	reproject.program = f->cloud_reprojection.reproject;
 	reproject.indirect = ws->cloud_list.id;
-	reproject.indirect_at = 0;
+	reproject.indirect_at = list_head(CLOUD_LIST_POINTS);
 	passes_run(ws->passes, &reproject);
 	listed.program = f->cloud_reprojection.pixels;
 	listed.threads[0] = pixels;
 	listed.indirect = ws->cloud_list.id;
-	listed.indirect_at = CLOUD_LIST_HEAD * (int)sizeof(uint);
+	listed.indirect_at = list_head(CLOUD_LIST_PIXELS);
 	passes_run(ws->passes, &listed);
 }
 
@@ -240,12 +246,14 @@ static void compose_tile(struct workspace *ws, const struct frame *f, const stru
 	corners.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
 	corners.storage[BIND_CLOUD_SHADE] = ws->cloud_shade.id;
 	struct pass fill = corners, shaded = corners, composed = corners;
-	corners.threads[0] = (lattice_across(tile[0], tile[2]) / 2 + 1) * (lattice_across(tile[1], tile[3]) / 2 + 1);
+	const int cells[2] = { lattice_across(tile[0], tile[2]) / 2, lattice_across(tile[1], tile[3]) / 2 };
+	corners.threads[0] = (cells[0] + 1) * (cells[1] + 1);
+	fill.threads[0] = cells[0] * cells[1];
 	fill.program = f->cloud_shade.fill;
 	shaded.samples[0] = 1;
 	shaded.indirect = composed.indirect = ws->cloud_list.id;
-	shaded.indirect_at = CLOUD_LIST_SHADED * CLOUD_LIST_HEAD * (int)sizeof(uint);
-	composed.indirect_at = CLOUD_LIST_COMPOSED * CLOUD_LIST_HEAD * (int)sizeof(uint);
+	shaded.indirect_at = list_head(CLOUD_LIST_SHADED);
+	composed.indirect_at = list_head(CLOUD_LIST_COMPOSED);
 	composed.program = f->cloud_shade.compose;
 	passes_run(ws->passes, &corners);
 	passes_run(ws->passes, &fill);

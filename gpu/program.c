@@ -19,6 +19,11 @@ const struct fetched program_fetched[PROGRAM_FETCHED] = {
 	{ "material_texels", BIND_MATERIALS, UNIT_MATERIALS, GL_RGBA32UI },
 	{ "ambient_texels", BIND_AMBIENT, UNIT_AMBIENT, GL_R32F },
 	{ "radiance_texels", BIND_RADIANCE, UNIT_RADIANCE, GL_RGBA32F },
+	{ "cloud_lattice_texels", BIND_CLOUD_LATTICE, UNIT_CLOUD_LATTICE, GL_RGBA32F },
+	{ "cloud_shade_texels", BIND_CLOUD_SHADE, UNIT_CLOUD_SHADE, GL_RGBA32F },
+	{ "cloud_before_texels", BIND_CLOUD_BEFORE, UNIT_CLOUD_BEFORE, GL_RGBA16F },
+	{ "cloud_light_texels", BIND_CLOUD_LIGHT, UNIT_CLOUD_LIGHT_OF_RAYS, GL_RGBA32F },
+	{ "cloud_place_texels", BIND_CLOUD_PLACE, UNIT_CLOUD_PLACE, GL_RGBA32F },
 };
 
 /* A file that is not in the folder of shaders. */

@@ -11,35 +11,36 @@
 #ifdef SURFACES
 #include "shadow.glsl"
 #endif
-#if defined SHADE && SHADE == SHADE_OF_RAYS
+#ifndef SHADE
+#define SHADE SHADE_HERE
+#endif
+#if SHADE != SHADE_HERE
+#include "pixel_list.glsl"
+#endif
+#if SHADE == SHADE_OF_RAYS
 #include "cloud_lattice.glsl"
 #endif
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BATCH) uniform int batch;
-#ifndef SHADE
-#define SHADE SHADE_HERE
-#endif
 #if SHADE == SHADE_OF_RAYS
 layout(location = LOCATION_SAMPLES) uniform ivec4 samples; /* x: 0 for the corners of the lattice's cells, 1 for the pixels listed */
 layout(std430, binding = BIND_CLOUD_LATTICE) writeonly buffer Lattice { vec4 lattice[]; };
-layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
 #else
-#if SHADE == SHADE_THERE
-layout(std430, binding = BIND_CLOUD_LIST) readonly buffer List { uint list[]; };
-#endif
 layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
 #endif
-#if SHADE != SHADE_HERE
-layout(std430, binding = BIND_CLOUD_SHADE) buffer Shade { vec4 shade[]; };
+#if SHADE == SHADE_OF_RAYS
+layout(std430, binding = BIND_CLOUD_SHADE) writeonly buffer Shade { vec4 shade[]; };
+#elif SHADE == SHADE_THERE
+layout(binding = UNIT_CLOUD_SHADE) uniform samplerBuffer cloud_shade_texels;
 #endif
 #ifdef CLOUD_LAYER
 layout(std430, binding = BIND_CLOUD_LAYER) buffer CloudLayer { vec4 cloud_layer[]; };
 #endif
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
-layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
-layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer Place { vec4 place[]; };
+layout(binding = UNIT_CLOUD_LIGHT_OF_RAYS) uniform samplerBuffer cloud_light_texels;
+layout(binding = UNIT_CLOUD_PLACE) uniform samplerBuffer cloud_place_texels;
 
 /* What the clouds take from the light of the air and from the ground's along a ray, negative where they shade: in front of
  * the clouds on it, and behind them. */
@@ -104,14 +105,20 @@ Shaded shaded_along(vec3 d, float t_end)
 }
 
 #if SHADE == SHADE_OF_RAYS
-/* Rays of one course go through the same parts of the air, above, within and below the layer. */
-int course(vec3 d)
+/* Rays of one course go through the same parts of the air, above, within and below the layer. angle: a pixel's, in rad. */
+int course(vec3 d, float angle)
 {
 	CloudRay ray = cloud_ray(d, frame.vertical.xyz, frame.camera_altitude);
 	vec2 below = cloud_below(ray, clouds.bottom), within = cloud_below(ray, clouds.top);
 	if (ray.start < 0.0)
 		return COURSE_NO_AIR;
-	return ray_ground_distance(ray.h, ray.mu) >= 0.0 ? COURSE_TO_GROUND : COURSE_IN_AIR + int(below.y > below.x) + int(within.y > within.x);
+	float ground = ray_ground_distance(ray.h, ray.mu);
+	if (ground < 0.0)
+		return COURSE_IN_AIR + int(below.y > below.x) + int(within.y > within.x);
+	/* of the table of shadows, which is linear between its cells, a cell of the lattice should see half a one at most */
+	float seen = float(LATTICE_CELL) * angle * (ray.start + ground) / max(-mu_at(ray.h, ray.mu, ground, 0.0), 1e-6);
+	vec3 q = cloud_grid_home(cloud_point(ray, ray.start + ground));
+	return seen <= 0.25 * clouds.grid[cloud_grid_level(q, 0)].z ? COURSE_TO_NEAR_GROUND : COURSE_TO_GROUND;
 }
 
 /* For cloud_shade.comp: of the corners of the lattice's cells, and of what it listed. */
@@ -121,30 +128,29 @@ void main()
 	bool listed = samples.x != 0;
 	ivec2 count = lattice_size(tile) / 2 + 1, own = ivec2(i % count.x, i / count.x);
 	if (!listed && i == 0)
-		for (int k = 0; k < CLOUD_LIST_FIRST; k++)
-			list[k] = k % CLOUD_LIST_HEAD == 1 || k % CLOUD_LIST_HEAD == 2 ? 1u : 0u;
-	if (i >= (listed ? int(list[CLOUD_LIST_HEAD + 3]) : count.x * count.y))
+		lists_clear();
+	if (i >= (listed ? list_length(CLOUD_LIST_SHADED) : count.x * count.y))
 		return;
-	int at = listed ? int(list[CLOUD_LIST_FIRST + i]) : i;
-	vec3 d = pixel_direction(listed ? tile.xy + ivec2(at % tile.z, at / tile.z) : lattice_pixel(tile, 2 * own)).xyz;
-	Shaded s = shaded_along(d, NO_SURFACE);
+	int at = listed ? list_point(CLOUD_LIST_SHADED, i) : i;
+	vec4 d = pixel_direction(listed ? tile.xy + ivec2(at % tile.z, at / tile.z) : lattice_pixel(tile, 2 * own));
+	Shaded s = shaded_along(d.xyz, NO_SURFACE);
 	if (listed) {
 		shade[2 * at] = s.open;
 		shade[2 * at + 1] = s.behind;
 		/* the others are composed */
-		if (!composed(light[at], direction_of(at)))
+		if (!composed(texelFetch(cloud_light_texels, at), direction_of(at)))
 			radiance[at].rgb += to_rgb(s.open + s.behind);
 	} else {
 		lattice[3 * at] = s.open;
 		lattice[3 * at + 1] = s.behind;
-		lattice[3 * at + 2] = vec4(float(course(d)), d);
+		lattice[3 * at + 2] = vec4(float(course(d.xyz, sqrt(max(d.w, 0.0)))), d.xyz);
 	}
 }
 #else
 Shaded shaded_pixel(int i, vec3 d, float t_end)
 {
 #if SHADE == SHADE_THERE
-	return Shaded(shade[2 * i], shade[2 * i + 1]);
+	return Shaded(texelFetch(cloud_shade_texels, 2 * i), texelFetch(cloud_shade_texels, 2 * i + 1));
 #else
 	return shaded_along(d, t_end);
 #endif
@@ -213,9 +219,9 @@ void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
 #if SHADE == SHADE_THERE
-	if (i >= int(list[CLOUD_LIST_COMPOSED * CLOUD_LIST_HEAD + 3]))
+	if (i >= list_length(CLOUD_LIST_COMPOSED))
 		return;
-	i = int(list[CLOUD_LIST_FIRST + tile.z * tile.w + i]);
+	i = list_point(CLOUD_LIST_COMPOSED, i);
 #else
 	if (i >= tile.z * tile.w)
 		return;
@@ -232,7 +238,7 @@ void main()
 	do {
 		int k = i + side * tile.z * tile.w;
 		float share = side_share(i, side);
-		Before b = before_side(i, at.xyz, light[k], place[k], side_distance(i, side));
+		Before b = before_side(i, at.xyz, texelFetch(cloud_light_texels, k), texelFetch(cloud_place_texels, k), side_distance(i, side));
 		behind = side == SIDE_SKY ? b.T : behind;
 		T += share * b.T;
 		own += share * b.own;

@@ -3,6 +3,7 @@
  * clouds.comp. Once for the lattice's points between the corners of its cells, once for the tile's pixels.
  */
 #include "cloud_lattice.glsl"
+#include "pixel_list.glsl"
 
 #ifndef RAYS
 #define RAYS CLOUD_RAYS_PIXELS
@@ -10,9 +11,9 @@
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
-layout(std430, binding = BIND_CLOUD_LATTICE) buffer Lattice { vec4 lattice[]; };
-layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
-#if RAYS == CLOUD_RAYS_PIXELS
+#if RAYS == CLOUD_RAYS_LATTICE
+layout(std430, binding = BIND_CLOUD_LATTICE) writeonly buffer Lattice { vec4 lattice[]; };
+#else
 layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
 #endif
@@ -24,8 +25,7 @@ struct Corner {
 
 Corner corner(ivec2 point, int across)
 {
-	int at = 2 * (point.y * across + point.x);
-	return Corner(Sight(lattice[at], lattice[at + 1]), pixel_direction(lattice_pixel(tile, point)));
+	return Corner(sight_of_lattice(point.y * across + point.x), pixel_direction(lattice_pixel(tile, point)));
 }
 
 /* Do the four show the same in about the same direction? */
@@ -35,14 +35,6 @@ bool agree(Corner a, Corner b, Corner c, Corner d)
 	bool near_ = min(min(cosine.x, cosine.y), cosine.z) > 0.9;
 	bool all_see = min(min(a.direction.w, b.direction.w), min(c.direction.w, d.direction.w)) >= 0.0;
 	return near_ && all_see && alike(a.sight, b.sight, c.sight, d.sight);
-}
-
-void add_to_list(int at)
-{
-	const int head = (RAYS - CLOUD_RAYS_LATTICE) * CLOUD_LIST_HEAD;
-	uint i = atomicAdd(list[head + 3], 1u);
-	list[CLOUD_LIST_FIRST + i] = uint(at);
-	atomicMax(list[head], i / WORKGROUP_LINE + 1u);
 }
 
 void main()
@@ -61,7 +53,7 @@ void main()
 	vec2 x = clamp(vec2(pixel - from) / vec2(max(to - from, 1)), 0.0, 1.0);
 	Corner a = corner(low, size.x), b = corner(ivec2(high.x, low.y), size.x), c = corner(ivec2(low.x, high.y), size.x), d = corner(high, size.x);
 	if (!agree(a, b, c, d)) {
-		add_to_list(i);
+		list_add(RAYS == CLOUD_RAYS_LATTICE ? CLOUD_LIST_POINTS : CLOUD_LIST_PIXELS, i);
 		return;
 	}
 	Sight sight = between(a.sight, b.sight, c.sight, d.sight, x);

@@ -1,8 +1,8 @@
 /*
  * Clouds of a sequence (clouds.reprojection): each frame marches one pixel of every block of 4 by 4, and has the others
  * from the frame before, whose clouds are kept for the whole image, packed. Which pixel goes by the frame's number,
- * what is marched by a block's place in the image: as with the lattice, the cut into tiles does not show. A tile has
- * the blocks that it covers and one more on each side, where the image has them.
+ * what is marched by a block's place in the image: as with the lattice, the cut into tiles does not show. A tile needs
+ * the blocks that it covers and one more on each side, where the image has them; those that other tiles have needed are there.
  */
 #include "cloud_lattice.glsl"
 
@@ -16,14 +16,10 @@ ivec2 block_last()
 	return (ivec2(frame.width, frame.height) - 1) / BLOCK;
 }
 
-ivec2 block_first(ivec4 tile)
+/* Where it is among all of the image. */
+int block_number(ivec2 block)
 {
-	return max(tile.xy / BLOCK - 1, 0);
-}
-
-ivec2 block_count(ivec4 tile)
-{
-	return min((tile.xy + tile.zw - 1) / BLOCK + 1, block_last()) - block_first(tile) + 1;
+	return block.y * (block_last().x + 1) + block.x;
 }
 
 /* The pixel that stands for a block; those that the image cuts off have theirs at its edge. */
@@ -39,8 +35,9 @@ uvec4 sight_pack(Sight s)
 	return uvec4(packHalf2x16(s.light.xy), packHalf2x16(s.light.zw), floatBitsToUint(s.place.x), packHalf2x16(s.place.yz / t));
 }
 
-Sight sight_unpack(uvec4 p)
+/* The place, from the second half of what was packed. */
+vec4 place_unpack(uvec2 p)
 {
-	float t = uintBitsToFloat(p.z);
-	return Sight(vec4(unpackHalf2x16(p.x), unpackHalf2x16(p.y)), vec4(t, unpackHalf2x16(p.w) * max(t, 1e-3), 0.0));
+	float t = uintBitsToFloat(p.x);
+	return vec4(t, unpackHalf2x16(p.y) * max(t, 1e-3), 0.0);
 }

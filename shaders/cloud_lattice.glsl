@@ -6,6 +6,8 @@
  */
 #include "camera.glsl"
 
+layout(binding = UNIT_CLOUD_LATTICE) uniform samplerBuffer cloud_lattice_texels;
+
 const int LATTICE_CELL = 4;
 
 /* How far neighbours may differ: of what they show, relative to it; of what comes through; of distance, relative. */
@@ -17,6 +19,12 @@ const float SKY_TO_SUN = 0.05;
 struct Sight {
 	vec4 light, place;
 };
+
+/* What was written to the lattice as one. */
+Sight sight_of_lattice(int i)
+{
+	return Sight(texelFetch(cloud_lattice_texels, 2 * i), texelFetch(cloud_lattice_texels, 2 * i + 1));
+}
 
 /* Does a pixel with that light from clouds have more of them than their shade? Those that show nothing count. */
 bool composed(vec4 light, vec4 direction)

@@ -5,6 +5,7 @@
  */
 #include "cloud_density.glsl"
 #include "cloud_history.glsl"
+#include "pixel_list.glsl"
 
 /* CLOUD_RAYS_BLOCKS: all blocks; it lists those around which what is marched does not agree. CLOUD_RAYS_PIXELS: these. */
 #ifndef RAYS
@@ -16,8 +17,8 @@ layout(location = LOCATION_TILE) uniform ivec4 tile;
 /* The camera of the frame before: dot(rows[i].xyz, v) + rows[i].w is a coordinate there of a point v from today's camera, in world axes.
  * The last row is as much longer than 1 as the field of view was wider. */
 layout(location = LOCATION_ROWS) uniform vec4 rows[3];
-layout(std430, binding = BIND_CLOUD_LATTICE) readonly buffer Lattice { vec4 lattice[]; };
-layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
+/* The same twice: of two texels the first is a pixel's light, and what is read of the other storage its place. */
+layout(binding = UNIT_CLOUD_BEFORE) uniform samplerBuffer cloud_before_texels;
 layout(std430, binding = BIND_CLOUD_BEFORE) readonly buffer Before { uvec4 before[]; };
 layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
@@ -28,9 +29,7 @@ const float NOTHING = 0.02; /* opacity below which a distance says nothing */
 
 Sight marched(ivec2 block)
 {
-	ivec2 own = clamp(block, ivec2(0), block_last()) - block_first(tile);
-	int at = 2 * (own.y * block_count(tile).x + own.x);
-	return Sight(lattice[at], lattice[at + 1]);
+	return sight_of_lattice(block_number(clamp(block, ivec2(0), block_last())));
 }
 
 /* What the blocks around were found to show: mean, standard deviation, least and most; all but the mean of place in x alone. */
@@ -90,13 +89,24 @@ vec4 mean_place(Sight s[4], vec4 weight)
 	return (w.x * s[0].place + w.y * s[1].place + w.z * s[2].place + w.w * s[3].place) / dot(w, vec4(1.0));
 }
 
-Sight recall(ivec2 at)
+/* The pixel of the frame before that shows what lies there, or comes next to it. */
+int before_pixel(ivec2 at)
 {
 	ivec2 size = ivec2(frame.width, frame.height);
 	if (PROJECTION == PROJECTION_EQUIRECTANGULAR)
 		at.x = (at.x + size.x) % size.x;
 	at = clamp(at, ivec2(0), size - 1);
-	return sight_unpack(before[at.y * size.x + at.x]);
+	return at.y * size.x + at.x;
+}
+
+vec4 recall_light(int i)
+{
+	return texelFetch(cloud_before_texels, 2 * i);
+}
+
+Sight recall(int i)
+{
+	return Sight(recall_light(i), place_unpack(before[i].zw));
 }
 
 /* Weights of four taps by which curves through them are interpolated (Catmull & Rom 1974). */
@@ -105,21 +115,24 @@ vec4 cubic_weights(float x)
 	return 0.5 * vec4(x * (x * (2.0 - x) - 1.0), x * x * (3.0 * x - 5.0) + 2.0, x * (x * (4.0 - 3.0 * x) + 1.0), x * x * (x - 1.0));
 }
 
+/* Of one row of four. */
+vec4 recall_row(ivec2 first, vec4 across)
+{
+	return across.x * recall_light(before_pixel(first)) + across.y * recall_light(before_pixel(first + ivec2(1, 0))) +
+		across.z * recall_light(before_pixel(first + ivec2(2, 0))) + across.w * recall_light(before_pixel(first + ivec2(3, 0)));
+}
+
 /* What the frame before showed at an image coordinate: cubic, since fifteen linear interpolations in a row would blur. */
 Sight recall_between(vec2 image)
 {
 	vec2 from = floor(image - 0.5), x = image - 0.5 - from;
-	vec4 across = cubic_weights(x.x), down = cubic_weights(x.y), sum = vec4(0.0);
-	Sight near_[4];
-	for (int k = 0; k < 16; k++) {
-		ivec2 tap = ivec2(k & 3, k >> 2);
-		Sight s = recall(ivec2(from) + tap - 1);
-		sum += across[tap.x] * down[tap.y] * s.light;
-		if (all(equal(tap & 1 ^ tap >> 1, ivec2(1))))
-			near_[(tap.x - 1) + 2 * (tap.y - 1)] = s;
-	}
+	ivec2 at = ivec2(from);
+	vec4 across = cubic_weights(x.x), down = cubic_weights(x.y);
+	vec4 sum = down.x * recall_row(at + ivec2(-1, -1), across) + down.y * recall_row(at + ivec2(-1, 0), across) +
+		down.z * recall_row(at + ivec2(-1, 1), across) + down.w * recall_row(at + ivec2(-1, 2), across);
 	sum = max(sum, vec4(0.0));
 	sum.x = min(sum.x, 1.0);
+	Sight near_[4] = Sight[4](recall(before_pixel(at)), recall(before_pixel(at + ivec2(1, 0))), recall(before_pixel(at + ivec2(0, 1))), recall(before_pixel(at + 1)));
 	return Sight(sum, mean_place(near_, tap_weights(x)));
 }
 
@@ -140,14 +153,6 @@ bool remember(vec4 d, float t, out Sight then)
 	then.place.x = max(then.place.x + t - away, 0.0);
 	then.place.z = max(then.place.z + t - away, 0.0);
 	return same_place;
-}
-
-void add_to_list(int which, int first, int at)
-{
-	int head = which * CLOUD_LIST_HEAD;
-	uint i = atomicAdd(list[head + 3], 1u);
-	list[CLOUD_LIST_FIRST + first + int(i)] = uint(at);
-	atomicMax(list[head], i / WORKGROUP_LINE + 1u);
 }
 
 void show(int i, Sight s)
@@ -171,7 +176,7 @@ void fill(ivec2 pixel, int i, Sight s[4], vec2 x, Around a)
 	} else if (alike(s[0], s[1], s[2], s[3])) {
 		show(i, between(s[0], s[1], s[2], s[3], x));
 	} else {
-		add_to_list(1, 0, i);
+		list_add(CLOUD_LIST_PIXELS, i);
 	}
 }
 #endif
@@ -182,9 +187,9 @@ void main()
 	int n = int(gl_GlobalInvocationID.x);
 	ivec2 first = tile.xy / BLOCK, count = (tile.xy + tile.zw - 1) / BLOCK - first + 1;
 #if RAYS == CLOUD_RAYS_PIXELS
-	if (n >= int(list[3]))
+	if (n >= list_length(CLOUD_LIST_POINTS))
 		return;
-	n = int(list[CLOUD_LIST_FIRST + tile.z * tile.w + n]);
+	n = list_point(CLOUD_LIST_POINTS, n);
 #else
 	if (n >= count.x * count.y)
 		return;
@@ -194,30 +199,27 @@ void main()
 #if RAYS == CLOUD_RAYS_BLOCKS
 	bool still = samples.z == 1, agreed = agree(a);
 	if (!still && !agreed)
-		add_to_list(0, tile.z * tile.w, n);
+		list_add(CLOUD_LIST_POINTS, n);
 #endif
-	for (int q = 0; q < 4; q++) {
-		ivec2 side = ivec2(q & 1, q >> 1), low = block + side - 1, from = side * samples.xy, to = mix(samples.xy, ivec2(BLOCK), equal(side, ivec2(1)));
+	int k = 0;
+	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
+		ivec2 within = ivec2(k & 3, k >> 2), side = ivec2(greaterThanEqual(within, samples.xy)), low = block + side - 1;
+		ivec2 pixel = BLOCK * block + within, at = pixel - tile.xy;
+		if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, tile.zw)))
+			continue;
 		Sight s[4] = Sight[4](marched(low), marched(low + ivec2(1, 0)), marched(low + ivec2(0, 1)), marched(low + 1));
-		for (int y = from.y; y < to.y; y++) {
-			for (int x = from.x; x < to.x; x++) {
-				ivec2 pixel = BLOCK * block + ivec2(x, y), at = pixel - tile.xy;
-				int i = at.y * tile.z + at.x;
-				vec2 off = vec2(ivec2(x, y) - samples.xy + BLOCK * (1 - side)) / float(BLOCK);
-				if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, tile.zw)))
-					continue;
+		vec2 off = vec2(within - samples.xy + BLOCK * (1 - side)) / float(BLOCK);
+		int i = at.y * tile.z + at.x;
 #if RAYS == CLOUD_RAYS_BLOCKS
-				if (pixel == own)
-					show(i, marched(block));
-				else if (still)
-					show(i, recall(pixel));
-				else if (agreed)
-					show(i, between(s[0], s[1], s[2], s[3], off));
+		if (pixel == own)
+			show(i, marched(block));
+		else if (still)
+			show(i, recall(before_pixel(pixel)));
+		else if (agreed)
+			show(i, between(s[0], s[1], s[2], s[3], off));
 #else
-				if (pixel != own)
-					fill(pixel, i, s, off, a);
+		if (pixel != own)
+			fill(pixel, i, s, off, a);
 #endif
-			}
-		}
-	}
+	} while (++k < BLOCK * BLOCK);
 }

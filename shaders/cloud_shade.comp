@@ -5,61 +5,66 @@
  */
 #include "directions.glsl"
 #include "cloud_lattice.glsl"
+#include "pixel_list.glsl"
 #include "colour.glsl"
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
-layout(std430, binding = BIND_CLOUD_LATTICE) readonly buffer Lattice { vec4 lattice[]; };
-layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
 layout(std430, binding = BIND_CLOUD_SHADE) writeonly buffer Shade { vec4 shade[]; };
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
-layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer Light { vec4 light[]; };
+layout(binding = UNIT_CLOUD_LIGHT_OF_RAYS) uniform samplerBuffer cloud_light_texels;
 
 const float MOST_CHANGE = 0.03; /* of the pixel's luminance, between corners */
+
+vec4 lattice_value(int i)
+{
+	return texelFetch(cloud_lattice_texels, i);
+}
 
 /* Luminance of what corner i takes. */
 float taken(int i)
 {
-	return dot(bands.to_rgb[1], lattice[i] + lattice[i + 1]);
+	return dot(bands.to_rgb[1], lattice_value(i) + lattice_value(i + 1));
 }
 
-void add_to_list(int which, int i)
-{
-	int head = which * CLOUD_LIST_HEAD;
-	uint n = atomicAdd(list[head + 3], 1u);
-	list[CLOUD_LIST_FIRST + (which == CLOUD_LIST_SHADED ? 0 : tile.z * tile.w) + int(n)] = uint(i);
-	atomicMax(list[head], n / WORKGROUP_LINE + 1u);
-}
-
+/* A thread does a cell: its corners are the same for its pixels. */
 void main()
 {
-	int i = int(gl_GlobalInvocationID.x);
-	if (i >= tile.z * tile.w)
+	int n = int(gl_GlobalInvocationID.x);
+	ivec2 cells = lattice_size(tile) / 2, cell = ivec2(n % cells.x, n / cells.x);
+	if (n >= cells.x * cells.y)
 		return;
-	ivec2 pixel = tile.xy + ivec2(i % tile.z, i / tile.z), cell = (pixel - lattice_origin(tile)) / LATTICE_CELL;
 	ivec2 from = lattice_pixel(tile, 2 * cell), to = lattice_pixel(tile, 2 * cell + 2);
-	vec2 x = clamp(vec2(pixel - from) / vec2(max(to - from, 1)), 0.0, 1.0);
-	int across = lattice_size(tile).x / 2 + 1, at = cell.y * across + cell.x;
+	int across = cells.x + 1, at = cell.y * across + cell.x;
 	ivec4 corner = 3 * ivec4(at, at + 1, at + across, at + across + 1);
-	vec4 a = lattice[corner.x + 2], b = lattice[corner.y + 2], c = lattice[corner.z + 2], d = lattice[corner.w + 2];
+	vec4 a = lattice_value(corner.x + 2), b = lattice_value(corner.y + 2), c = lattice_value(corner.z + 2), d = lattice_value(corner.w + 2);
 	bool near_ = min(dot(a.yzw, d.yzw), dot(b.yzw, c.yzw)) > 0.99, alike_ = all(equal(a.xxx, vec3(b.x, c.x, d.x)));
+	bool smooth_ = near_ && alike_ && a.x != float(COURSE_TO_GROUND);
 	vec4 change = vec4(taken(corner.x), taken(corner.y), taken(corner.z), taken(corner.w));
 	vec2 most = max(change.xy, change.zw), least = min(change.xy, change.zw);
-	bool little = max(most.x, most.y) - min(least.x, least.y) <= MOST_CHANGE * radiance[i].g;
-	bool clear = !composed(light[i], direction_of(i));
-	if (!clear)
-		add_to_list(CLOUD_LIST_COMPOSED, i);
-	if (!near_ || !alike_ || !little || a.x == float(COURSE_TO_GROUND)) {
-		add_to_list(CLOUD_LIST_SHADED, i);
-		return;
-	}
-	vec4 s[2];
-	for (int k = 0; k < 2; k++)
-		s[k] = mix(mix(lattice[corner.x + k], lattice[corner.y + k], x.x), mix(lattice[corner.z + k], lattice[corner.w + k], x.x), x.y);
-	if (clear) {
-		radiance[i].rgb += to_rgb(s[0] + s[1]);
-	} else {
-		shade[2 * i] = s[0];
-		shade[2 * i + 1] = s[1];
-	}
+	float range_ = max(most.x, most.y) - min(least.x, least.y);
+	mat4x4 open = mat4x4(lattice_value(corner.x), lattice_value(corner.y), lattice_value(corner.z), lattice_value(corner.w));
+	mat4x4 behind = mat4x4(lattice_value(corner.x + 1), lattice_value(corner.y + 1), lattice_value(corner.z + 1), lattice_value(corner.w + 1));
+	int k = 0;
+	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
+		ivec2 pixel = lattice_origin(tile) + LATTICE_CELL * cell + ivec2(k % LATTICE_CELL, k / LATTICE_CELL), own = pixel - tile.xy;
+		if (any(lessThan(own, ivec2(0))) || any(greaterThanEqual(own, tile.zw)))
+			continue;
+		int i = own.y * tile.z + own.x;
+		bool clear = !composed(texelFetch(cloud_light_texels, i), direction_of(i));
+		if (!clear)
+			list_add(CLOUD_LIST_COMPOSED, i);
+		if (!smooth_ || range_ > MOST_CHANGE * radiance[i].g) {
+			list_add(CLOUD_LIST_SHADED, i);
+			continue;
+		}
+		vec2 x = clamp(vec2(pixel - from) / vec2(max(to - from, 1)), 0.0, 1.0);
+		vec4 weights = vec4((1.0 - x.x) * (1.0 - x.y), x.x * (1.0 - x.y), (1.0 - x.x) * x.y, x.x * x.y);
+		if (clear) {
+			radiance[i].rgb += to_rgb(open * weights + behind * weights);
+		} else {
+			shade[2 * i] = open * weights;
+			shade[2 * i + 1] = behind * weights;
+		}
+	} while (++k < LATTICE_CELL * LATTICE_CELL);
 }

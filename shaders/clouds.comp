@@ -6,10 +6,11 @@
 #include "directions.glsl"
 #include "cloud_march.glsl"
 #include "cloud_history.glsl"
+#include "pixel_list.glsl"
 #include "surface_distance.glsl"
 
 /* Which rays: those of a buffer, one per pixel of the tile; the corners of the lattice's cells; those that cloud_fill.comp or
- * cloud_reproject.comp listed, of the lattice or of the tile; or one of each block. */
+ * cloud_reproject.comp listed, of the lattice or of the tile; or one of each block, and then the tile is one of blocks. */
 #ifndef RAYS
 #define RAYS CLOUD_RAYS_GIVEN
 #endif
@@ -20,7 +21,6 @@ layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]
 layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
 #if RAYS != CLOUD_RAYS_GIVEN
 layout(std430, binding = BIND_CLOUD_LATTICE) buffer Lattice { vec4 lattice[]; };
-layout(std430, binding = BIND_CLOUD_LIST) buffer List { uint list[]; };
 #endif
 
 const float RESOLVED = 400.0;  /* m: pixels that see more of the layer than this miss clouds between their rays */
@@ -84,11 +84,10 @@ void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
 	if (i == 0)
-		for (int k = 0; k < CLOUD_LIST_FIRST; k++)
-			list[k] = k % CLOUD_LIST_HEAD == 1 || k % CLOUD_LIST_HEAD == 2 ? 1u : 0u;
+		lists_clear();
 #if RAYS == CLOUD_RAYS_BLOCKS
-	ivec2 count = block_count(tile), own = by_twos(i, count), pixel = block_pixel(block_first(tile) + own);
-	int at = 2 * (own.y * count.x + own.x);
+	ivec2 count = tile.zw, block = tile.xy + by_twos(i, count), pixel = block_pixel(block);
+	int at = 2 * block_number(block);
 #else
 	ivec2 size = lattice_size(tile), count = size / 2 + 1, own = by_twos(i, count), pixel = lattice_pixel(tile, 2 * own);
 	int at = 4 * (own.y * size.x + own.x);
@@ -102,11 +101,11 @@ void main()
 #else
 void main()
 {
-	uint i = gl_GlobalInvocationID.x;
-	if (i >= list[(RAYS - CLOUD_RAYS_LATTICE) * CLOUD_LIST_HEAD + 3])
+	const int which = RAYS == CLOUD_RAYS_LATTICE ? CLOUD_LIST_POINTS : CLOUD_LIST_PIXELS;
+	int i = int(gl_GlobalInvocationID.x);
+	if (i >= list_length(which))
 		return;
-	int at = int(list[CLOUD_LIST_FIRST + i]);
-	int across = RAYS == CLOUD_RAYS_LATTICE ? lattice_size(tile).x : tile.z;
+	int at = list_point(which, i), across = RAYS == CLOUD_RAYS_LATTICE ? lattice_size(tile).x : tile.z;
 	ivec2 point = ivec2(at % across, at / across);
 	ivec2 pixel = RAYS == CLOUD_RAYS_LATTICE ? lattice_pixel(tile, point) : tile.xy + point;
 	Clouds c = march(pixel_direction(pixel), pixel, NO_SURFACE);

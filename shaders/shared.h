@@ -39,7 +39,7 @@ typedef unsigned int uint;
 #define BIND_NODES 6         /* quadrature nodes: vec2 (position in [0,1], weight) */
 #define BIND_CLOUD_LATTICE 4 /* kernels of the march: two vec4 per point, as the next two; cloud_lattice.glsl */
 #define BIND_GROUPS 4        /* kernels of an image with a scene: GROUPS_ of uint, groups of WORKGROUP_LINE pixels of the strip that show something; surfaces_list.comp */
-#define BIND_CLOUD_LIST 5    /* likewise: CLOUD_LIST_ of uint, points to march */
+#define BIND_CLOUD_LIST 5    /* likewise: CLOUD_LIST_ of uint, points to work on */
 #define BIND_CLOUD_SHADE 1   /* two vec4 per pixel: radiance of the batch that clouds take before and behind them; cloud_shade.comp */
 #define BIND_CLOUD_BEFORE 0  /* likewise: uvec4 per pixel of the image, clouds of the frame before; cloud_history.glsl */
 #define BIND_CLOUD_KEPT 1    /* likewise, of this frame for the next */
@@ -114,6 +114,12 @@ typedef unsigned int uint;
 #define UNIT_MATERIALS 31
 #define UNIT_AMBIENT 32
 #define UNIT_RADIANCE 33
+
+#define UNIT_CLOUD_LATTICE 35
+#define UNIT_CLOUD_SHADE 36
+#define UNIT_CLOUD_BEFORE 37
+#define UNIT_CLOUD_LIGHT_OF_RAYS 38
+#define UNIT_CLOUD_PLACE 39
 
 #define UNIT_CLOUD_SUN 34     /* optical depth of clouds to the sun; cloud_sun.glsl */
 #define UNIT_CLOUD_AROUND 35  /* what clouds do to the light around them; cloud_shadow.glsl */
@@ -220,7 +226,10 @@ typedef unsigned int uint;
 #define CLOUD_RAYS_LATTICE 2
 #define CLOUD_RAYS_PIXELS 3
 #define CLOUD_RAYS_BLOCKS 4
-/* BIND_CLOUD_LIST: for the lattice, then for the pixels: workgroups along x, y, z, and how many points; then the points. */
+/* BIND_CLOUD_LIST: for each of two lists workgroups along x, y, z, and how many points; then the points; pixel_list.glsl. Of the
+ * march: points of the lattice or blocks, and pixels. */
+#define CLOUD_LIST_POINTS 0
+#define CLOUD_LIST_PIXELS 1
 #define CLOUD_LIST_HEAD 4
 #define CLOUD_LIST_FIRST 8
 
@@ -228,11 +237,12 @@ typedef unsigned int uint;
 #define SHADE_HERE 0    /* it works it out, pixel by pixel */
 #define SHADE_THERE 1   /* BIND_CLOUD_SHADE */
 #define SHADE_OF_RAYS 2 /* it works it out for cloud_shade.comp, and does nothing else */
-#define CLOUD_LIST_COMPOSED 0 /* its lists, as of BIND_CLOUD_LIST: pixels with clouds, after as many points as there are pixels */
+#define CLOUD_LIST_COMPOSED 0 /* its lists: pixels with clouds, and those whose shade is worked out one by one */
 #define CLOUD_LIST_SHADED 1
 #define COURSE_NO_AIR 0
 #define COURSE_TO_GROUND 1
-#define COURSE_IN_AIR 2 /* and above, by the shells that are met */
+#define COURSE_TO_NEAR_GROUND 2 /* where shadows are smooth between corners of the lattice's cells */
+#define COURSE_IN_AIR 3 /* and above, by the shells that are met */
 
 #define SHAPE_DILATED_SQUARED 0
 #define SHAPE_DILATED 1
