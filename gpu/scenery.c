@@ -69,6 +69,11 @@ static const char *plain(const struct frame *f)
 	return f->job.kind == WELKIN_JOB_IMAGE && !(f->plan.features & FEATURE_LAYERS) ? " PLAIN=1" : "";
 }
 
+static const char *pinhole(const struct frame *f)
+{
+	return f->pinhole ? " PINHOLE=1" : "";
+}
+
 static const char *clouded(const struct frame *f)
 {
 	return f->plan.features & FEATURE_CLOUDS ? " CLOUDS=1" : "";
@@ -76,21 +81,23 @@ static const char *clouded(const struct frame *f)
 
 static const struct program *choose_light(struct workspace *ws, const struct frame *f, struct error *err)
 {
-	char choices[112];
-	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d SCALED=%d SHADING=%d SHADOW_FILTER=%d%s%s%s%s",
+	char choices[128];
+	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d SCALED=%d SHADING=%d SHADOW_FILTER=%d%s%s%s%s%s",
 		f->method->single_scattering, !f->method->single_scattering, f->scene.surfaces.shading,
-		f->scene.surfaces.shadow_filter, plain(f), clouded(f), f->plan.epipolar ? " SHAFTS=1" : "",
+		f->scene.surfaces.shadow_filter, plain(f), pinhole(f), clouded(f), f->plan.epipolar ? " SHAFTS=1" : "",
 		f->scenery.surfaces->glossy ? "" : " MATTE=1");
 	return programs_get(ws->programs, "surfaces.comp", choices, err);
 }
 
-/* From the table, the kernel that lights surfaces takes from the air before them as well. */
+/* From the table, the kernels that light surfaces and sky take from the air before them as well; the sky's knows no
+ * clouds. */
 static bool choose_shafts(struct workspace *ws, struct frame *f, struct error *err)
 {
-	for (int behind = f->plan.epipolar; behind < 2; behind++) {
-		char choices[64];
-		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d BEHIND=%d%s%s", f->plan.epipolar,
-			!f->method->single_scattering, behind, plain(f), clouded(f));
+	const int first = !f->plan.epipolar ? 0 : f->plan.features & FEATURE_CLOUDS ? 1 : 2;
+	for (int behind = first; behind < 2; behind++) {
+		char choices[80];
+		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d BEHIND=%d%s%s%s", f->plan.epipolar,
+			!f->method->single_scattering, behind, plain(f), pinhole(f), clouded(f));
 		if (!(f->scenery.shafts[behind] = programs_get(ws->programs, "shafts.comp", choices, err)))
 			return false;
 	}
@@ -119,8 +126,9 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	if (draws(f)) {
 		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
 		s->list_drawn = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=1", err);
-		s->gather = programs_get(
-			ws->programs, "surfaces_gather.comp", s->surfaces->normal_mapped ? "" : "NORMAL_MAPS=0", err);
+		char choices[48];
+		snprintf(choices, sizeof choices, "NORMAL_MAPS=%d%s", s->surfaces->normal_mapped, pinhole(f));
+		s->gather = programs_get(ws->programs, "surfaces_gather.comp", choices, err);
 	}
 	if (f->plan.features & FEATURE_SHAFTS) {
 		shafts_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);

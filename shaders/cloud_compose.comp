@@ -17,7 +17,6 @@
 #endif
 
 layout(local_size_x = WORKGROUP_LINE) in;
-layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BATCH) uniform int batch;
 #ifndef SHADE
 #define SHADE SHADE_HERE

@@ -6,7 +6,8 @@
 #define EPIPOLAR 0
 #endif
 
-/* Likewise: of what the scene covers of a pixel, or of the sky or ground behind. From the table surfaces.comp does the former. */
+/* Likewise: of what the scene covers of a pixel, or of the sky or ground behind. From the table surfaces.comp does the former, and
+ * the sky's kernel the latter where there are no clouds. */
 #ifndef BEHIND
 #define BEHIND 0
 #endif

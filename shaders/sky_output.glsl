@@ -8,7 +8,6 @@ layout(local_size_x = WORKGROUP_LINE / 2) in;
 #else
 layout(local_size_x = WORKGROUP_LINE) in;
 #endif
-layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BATCH) uniform int batch;
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_INSCATTER) buffer Inscatter { vec4 inscatter[]; };

@@ -15,14 +15,6 @@ uvec4 surface_of(int i)
 	return texelFetch(surface_texels, i);
 }
 
-/* Column and row of pixel i of a strip. Its pixels are fewer than 2^22, so that floats tell them apart; whole numbers can't be
- * divided but one by one on a software device. */
-ivec2 strip_place(int i, int width)
-{
-	int row = int((float(i) + 0.5) / float(width));
-	return ivec2(i - row * width, row);
-}
-
 struct Surface {
 	float t;
 	vec3 normal, face; /* both on the viewer's side of the triangle */

@@ -17,6 +17,7 @@
 #else
 #include "aerial.glsl"
 #endif
+#include "shafts.glsl"
 #include "shaft_table.glsl"
 #include "sky_output.glsl"
 /* CLOUDS, chosen when the program is built: there are some, which shade surfaces and stand before them. */

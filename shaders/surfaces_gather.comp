@@ -6,7 +6,6 @@
 #include "surface_groups.glsl"
 
 layout(local_size_x = WORKGROUP_LINE) in; /* of the list GROUPS_SURFACES */
-layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BOX) uniform ivec4 box; /* of the image, what is drawn */
 layout(binding = UNIT_RASTER) uniform usampler2DMS raster;
 layout(std430, binding = BIND_SURFACES) writeonly buffer Surfaces { uvec4 surface[]; };
@@ -41,12 +40,15 @@ void main()
 			least = miss;
 		}
 	} while (++k < RASTER_SAMPLES && least > 0.0 && !one);
+	bool open = covered < uint(RASTER_SAMPLES);
 	if (covered > 0u && d.w >= 0.0) {
 		Surface hit = surface_hit(chosen, vec3(0.0), d.xyz, sqrt(d.w));
 		hit.coverage = float(covered) / float(RASTER_SAMPLES);
-		if (!ground_hides(d.xyz, hit.t))
+		if (ground_hides(d.xyz, hit.t))
+			open = true;
+		else
 			surface[i] = surface_pack(hit);
-		else if ((atomicAnd(groups[entry], ~GROUPS_FILLED) & GROUPS_FILLED) != 0u)
-			list_group(GROUPS_SKY, group); /* the first pixel of its group to do so */
 	}
+	if (open && (atomicAnd(groups[entry], ~GROUPS_FILLED) & GROUPS_FILLED) != 0u)
+		list_group(GROUPS_SKY, group); /* the first pixel of its group to do so */
 }
