@@ -125,11 +125,11 @@ typedef unsigned int uint;
 
 /* Samples of the shafts' table: angle from the sun, planes through it, distances; depths along a plane, whose minima and
  * maxima go up to blocks of 2^SHAFT_LEVELS. */
-#define SHAFT_ANGLES 96
-#define SHAFT_PLANES 192
+#define SHAFT_ANGLES 64
+#define SHAFT_PLANES 160
 #define SHAFT_DISTANCES 32
-#define SHAFT_DEPTHS 1024
-#define SHAFT_LEVELS 5
+#define SHAFT_DEPTHS 512
+#define SHAFT_LEVELS 4
 
 /* Samples of the four-dimensional scattering table: the sun's angle, the view's zenith angle (above and below the
  * horizon), the angle between their azimuths, altitude. */

@@ -28,9 +28,9 @@
 /* SHAFTS, chosen when the program is built: the scene's shadow takes light from the air before its surfaces, as the table says. */
 #ifdef SHAFTS
 /* What the air before a surface loses: from the table up to the last of its distances, since beyond the surface that goes on into the
- * ground, and from there by a look at the map. For all of the rest stands what scatters at the surface, at altitude h, where the sun's
- * light is E; column: of the ray up to there. */
-vec4 lost_before(ShaftRay ray, vec3 d, float t, float h, vec4 E, vec3 column)
+ * ground, and from there by a look at the map. For all of the rest stands what scatters in its middle. h: altitude of the surface;
+ * to_sun, column: columns from it to the sun, and of the ray up to it. */
+vec4 lost_before(ShaftRay ray, vec3 d, float t, float h, vec3 to_sun, vec3 column)
 {
 	const int SAMPLES = 2;
 	float slice = floor(shaft_slice(t)), from = shaft_distance(slice), dt = max(t - from, 0.0);
@@ -40,7 +40,11 @@ vec4 lost_before(ShaftRay ray, vec3 d, float t, float h, vec4 E, vec3 column)
 		shadowed += shadow_holds(ray.place + at * ray.step) && shaft_shadowed(ray, at) ? 1 : 0;
 	}
 	float share = slice < float(SHAFT_DISTANCES) ? float(shadowed) / float(SAMPLES) : 0.0;
-	vec4 source = E * shaft_scattering(ray, density_at(h)) * exp(-shaft_depth(column));
+	float middle = altitude_at(ray.h, ray.mu, t - 0.5 * dt);
+	vec3 density = density_at(middle);
+	to_sun.xy *= exp((h - middle) / vec2(media.rayleigh_scale_height, media.aerosol_scale_height));
+	vec4 source = bands.sun_irradiance * shaft_scattering(ray, density) *
+		exp(-shaft_depth(to_sun + max(column - 0.5 * dt * density, 0.0)));
 	return shaft_lost(d, slice) + source * (dt * share * shaft_under_clouds(ray, t));
 }
 #endif
@@ -57,7 +61,8 @@ void light_pixel(int i, vec3 d, Surface s)
 	light.n = s.normal;
 	light.v = -d;
 	light.l = frame.sun_direction.xyz;
-	light.sun = bands.sun_irradiance * scaled_sunlight(h, mu_s);
+	vec3 to_sun = sun_column(h, mu_s);
+	light.sun = bands.sun_irradiance * (mu_s > mu_horizon(h) ? exp(-scaled_depth(to_sun)) : vec4(0.0));
 	light.sky = bands.sun_irradiance * sky_irradiance(h, up, s.normal, light.level_sky);
 	light.level_sky *= bands.sun_irradiance;
 	light.level_sun = max(mu_s, 0.0);
@@ -76,7 +81,7 @@ void light_pixel(int i, vec3 d, Surface s)
 	aerial_perspective(d, s.t, air, T, column);
 #ifdef SHAFTS
 	ShaftRay ray = shaft_ray(d);
-	air = max(air - lost_before(ray, d, s.t, h, light.sun, column), 0.0);
+	air = max(air - lost_before(ray, d, s.t, h, to_sun, column), 0.0);
 #endif
 	float through = 1.0;
 	vec4 lost = vec4(0.0);
