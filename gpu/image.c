@@ -170,7 +170,7 @@ bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4
 		frame_tables(ws, f, batch, NULL);
 		scenery_light(ws, f, tile, batch, sky.storage);
 	}
-	return true;
+	return scenery_layers(ws, f, tile, 0, f->scene.n_batches - 1, sky.storage, err);
 }
 
 static void run_disk(struct workspace *ws, const struct frame *f, const int tile[4])

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PROGRAMS_MAX = 192, ADDED_MAX = 64, FILES_MAX = 32, DEPTH_MAX = 8, STRETCHES_MAX = 2 * FILES_MAX + 64 };
+enum { PROGRAMS_MAX = 192, ADDED_MAX = 64, FILES_MAX = 48, DEPTH_MAX = 8, STRETCHES_MAX = 2 * FILES_MAX + 64 };
 
 const struct fetched program_fetched[PROGRAM_FETCHED] = {
 	{ "direction_texels", BIND_DIRECTIONS, UNIT_DIRECTIONS, GL_RGBA32F },

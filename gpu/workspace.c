@@ -73,6 +73,10 @@ void workspace_finish(struct workspace *ws)
 		&ws->sample_transmittance, &ws->paths, &ws->directions, &ws->spectral_L, &ws->spectral_T };
 	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
 		workspace_release(buffers[i]);
+	for (int i = 0; i < SEE_THROUGH_LAYERS; i++) {
+		workspace_release(&ws->layers[i]);
+		workspace_release(&ws->layer_groups[i]);
+	}
 	cloud_histories_destroy(ws->histories);
 	release_raster(&ws->raster);
 	scene_store_finish(&ws->scenes);

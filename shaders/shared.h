@@ -54,6 +54,7 @@ typedef unsigned int uint;
 #define BIND_TRIANGLES 11     /* in the order of the nodes' leaves */
 #define BIND_VERTICES 12     /* of the placed mesh, VERTEX_FLOATS each */
 #define BIND_MATERIALS 13
+#define BIND_LAYER 0         /* kernel of see-through surfaces: records of a layer of them, as BIND_SURFACES */
 #define BIND_AMBIENT 14      /* float per vertex: share of the sky above it that is open */
 
 /* Texture units; a method's tables sit at fixed units so that programs need no set-up. */
@@ -122,6 +123,7 @@ typedef unsigned int uint;
 #define VERTEX_FLOATS 8
 #define VERTEX_BITS 24       /* of a triangle's corner, the rest of its word is a third of the material */
 #define SHADOW_CASCADES 4
+#define SEE_THROUGH_LAYERS 4 /* of see-through surfaces that a pixel shows, one behind the other; surfaces_layer.comp */
 
 /* Samples of the shafts' table: angle from the sun, planes through it, distances; depths along a plane, whose minima and
  * maxima go up to blocks of 2^SHAFT_LEVELS. */
@@ -385,6 +387,8 @@ WELKIN_BLOCK(SurfacesBlock, BIND_SURFACES_BLOCK)
 	float shaft_phi;       /* rad: middle of the planes through the sun that the view has */
 	vec4 shaft_range;      /* chord of the angle from the sun, from and to; angle of the plane about shaft_phi, from and to, rad */
 	vec4 shaft_reach;      /* m from the camera, from and to: where the mesh can throw shadows */
+	int see_through_root;  /* node of the hierarchy above the triangles that light passes through; 0: there are none */
+	int reserved1, reserved2, reserved3;
 WELKIN_BLOCK_END(surfaces)
 
 /* The sky of method fitted for a batch; gpu/fitted.h. */

@@ -67,3 +67,20 @@ void add_surface(int i, float t, float coverage, vec4 air, vec4 L, float through
 	if (WANTED(FEATURE_LAYERS) != 0)
 		inscatter[i] = vec4(inscatter[i].rgb + coverage * to_rgb(air), t);
 }
+
+/* Puts a see-through surface before what a pixel shows, which is all there. */
+void add_layer(int i, float opacity, vec4 air, vec4 L)
+{
+	bool spectral = WANTED(FEATURE_SPECTRAL) != 0;
+	float open = spectral || batch == 0 ? 1.0 - opacity : 1.0;
+	if (spectral) {
+		radiance[i] = radiance_before(i) * open + opacity * (air + L);
+		transmittance[i] *= open;
+		return;
+	}
+	radiance[i] = radiance_before(i) * open + vec4(opacity * to_rgb(air + L), 0.0);
+	if (WANTED(FEATURE_LAYERS | FEATURE_SUN_DISK) != 0)
+		transmittance[i] *= open;
+	if (WANTED(FEATURE_LAYERS) != 0)
+		inscatter[i].rgb = inscatter[i].rgb * open + opacity * to_rgb(air);
+}

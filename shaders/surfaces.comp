@@ -12,6 +12,7 @@
 #endif
 #include "surface_shading.glsl"
 #include "shadow.glsl"
+#include "see_through.glsl"
 #if AERIAL_MARCH
 #include "aerial_march.glsl"
 #else
@@ -24,6 +25,9 @@
 #ifdef CLOUDS
 #include "surface_clouds.glsl"
 #endif
+
+/* SEE_THROUGH, chosen when the program is built: the scene has surfaces that light passes through, and they shade others. LAYER: the
+ * records are of one layer of them. */
 
 /* SHAFTS, chosen when the program is built: the scene's shadow takes light from the air before its surfaces, as the table says. */
 #ifdef SHAFTS
@@ -71,6 +75,12 @@ void light_pixel(int i, vec3 d, Surface s)
 	light.lit = dot(s.face, light.l) > 0.0 ? 1.0 : 0.0;
 	if (feature(FEATURE_SHADOWS))
 		light.lit *= shadow_of_surface(v, s.face);
+#ifdef SEE_THROUGH
+	if (feature(FEATURE_SHADOWS)) {
+		vec3 origin = surfaces.camera_high.xyz + (surfaces.camera_low.xyz + to_mesh(v + s.face * (1e-4 + 1e-6 * s.t)));
+		light.lit *= see_through_share(origin, surfaces.sun.xyz);
+	}
+#endif
 #ifdef CLOUDS
 	under_clouds(light, d, s.t, up);
 #endif
@@ -93,7 +103,11 @@ void light_pixel(int i, vec3 d, Surface s)
 	lost = (1.0 - through) * shaft_lost(d, min(shaft_slice(cloud_place[before].x), floor(shaft_slice(s.t))));
 #endif
 #endif
+#ifdef LAYER
+	add_layer(i, s.opacity, air, T * L);
+#else
 	add_surface(i, s.t, s.coverage, air, T * L, through, lost);
+#endif
 }
 
 void main()
@@ -101,7 +115,11 @@ void main()
 	int i = own_pixel();
 	if (i >= tile.z * tile.w)
 		return;
+#ifdef LAYER
+	Surface s = layer_unpack(surface_of(i));
+#else
 	Surface s = surface_unpack(surface_of(i));
+#endif
 	vec4 at = direction_of(feature(FEATURE_SPECTRAL) ? tile.x + i : i);
 	if (s.coverage > 0.0 && at.w >= 0.0)
 		light_pixel(i, at.xyz, s);
