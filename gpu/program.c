@@ -293,7 +293,7 @@ bool programs_add_file(struct programs *programs, const char *name, const char *
 
 const struct program *programs_get(struct programs *programs, const char *name, const char *choices, struct error *err)
 {
-	char full[160];
+	char full[192];
 	snprintf(full, sizeof full, "%s%s%s", name, *choices ? " " : "", choices);
 	for (int i = 0; i < programs->n; i++)
 		if (strcmp(programs->list[i].name, full) == 0)

@@ -79,17 +79,19 @@ static const char *clouded(const struct frame *f)
 	return f->plan.features & FEATURE_CLOUDS ? " CLOUDS=1" : "";
 }
 
-/* Of surfaces, or of a layer of see-through ones. */
-static const struct program *choose_light(struct workspace *ws, const struct frame *f, bool layer, struct error *err)
+/* what: of layers of them before a pixel, its choices. */
+static const struct program *choose_light(
+	struct workspace *ws, const struct frame *f, const char *what, struct error *err)
 {
-	char choices[144];
+	char choices[160];
+	const bool marches = *what && f->plan.features & FEATURE_SHAFTS && !f->plan.epipolar;
 	/* layers darken the sun's disk behind them */
-	const bool bare = !(layer && f->plan.features & FEATURE_SUN_DISK);
-	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d SCALED=%d SHADING=%d SHADOW_FILTER=%d%s%s%s%s%s%s%s",
+	const bool bare = !(*what && f->plan.features & FEATURE_SUN_DISK);
+	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d SCALED=%d SHADING=%d SHADOW_FILTER=%d%s%s%s%s%s%s%s%s",
 		f->method->single_scattering, !f->method->single_scattering, f->scene.surfaces.shading,
 		f->scene.surfaces.shadow_filter, bare ? plain(f) : "", pinhole(f), clouded(f),
 		f->plan.epipolar ? " SHAFTS=1" : "", f->scenery.surfaces->glossy ? "" : " MATTE=1",
-		f->scenery.surfaces->see_through_root ? " SEE_THROUGH=1" : "", layer ? " LAYER=1" : "");
+		f->scenery.surfaces->see_through_root ? " SEE_THROUGH=1" : "", what, marches ? " SHAFT_MARCH=1" : "");
 	return programs_get(ws->programs, "surfaces.comp", choices, err);
 }
 
@@ -134,7 +136,13 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
 		s->list_drawn = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=1", err);
 		char choices[48];
-		snprintf(choices, sizeof choices, "NORMAL_MAPS=%d%s", s->surfaces->normal_mapped, pinhole(f));
+		const int neighbours = s->surfaces->n_triangles < 1 << 16 ? 0 : 8;
+		snprintf(choices, sizeof choices, "NORMAL_MAPS=%d NEIGHBOURS=%d%s", s->surfaces->normal_mapped,
+			neighbours, pinhole(f));
+		/* a cloud's light would have to be told from that of what is behind it */
+		if (!(f->plan.features & FEATURE_CLOUDS) &&
+			!(s->light_ridges = choose_light(ws, f, " LAYER=1 RIDGES=1", err)))
+			return false;
 		s->gather = programs_get(ws->programs, "surfaces_gather.comp", choices, err);
 	}
 	if (f->plan.features & FEATURE_SHAFTS) {
@@ -144,10 +152,10 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	}
 	s->cast = programs_get(ws->programs, "surfaces_cast.comp", "", err);
 	s->list = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=0", err);
-	s->light = choose_light(ws, f, false, err);
+	s->light = choose_light(ws, f, "", err);
 	if (s->surfaces->see_through_root &&
 		(!(s->layer = programs_get(ws->programs, "surfaces_layer.comp", f->pinhole ? "PINHOLE=1" : "", err)) ||
-			!(s->light_layer = choose_light(ws, f, true, err))))
+			!(s->light_layer = choose_light(ws, f, " LAYER=1", err))))
 		return false;
 	return (!draws(f) || (s->draw && s->list_drawn && s->gather)) && s->cast && s->list && s->light;
 }
@@ -356,14 +364,20 @@ static void run_list(struct workspace *ws, const struct program *program, unsign
 /* By what was drawn of them. */
 static bool gather_records(struct workspace *ws, const struct frame *f, struct pass *pass, struct error *err)
 {
-	if (!need_raster(ws, f, pass->tile, err))
+	static const uint no_ridges[4] = { 0, 1, 1, 0 };
+	const size_t pixels = (size_t)pass->tile[2] * (size_t)pass->tile[3];
+	if (!need_raster(ws, f, pass->tile, err) ||
+		!workspace_reserve(&ws->ridges, (1 + 2 * pixels) * RECORD_BYTES, false, err))
 		return false;
+	glNamedBufferSubData(ws->ridges.id, 0, sizeof no_ridges, no_ridges);
 	memcpy(pass->box, ws->raster.band, sizeof pass->box);
 	passes_texture(ws->passes, UNIT_RASTER, ws->raster.color);
+	passes_texture(ws->passes, UNIT_RASTER_DEPTH, ws->raster.depth);
 	/* those of groups that are not listed */
 	glClearNamedBufferSubData(ws->surface.id, GL_RGBA32UI, 0,
 		(GLsizeiptr)pass->tile[2] * pass->tile[3] * RECORD_BYTES, GL_RGBA_INTEGER, GL_UNSIGNED_INT, NULL);
 	run_list(ws, f->scenery.list_drawn, ws->groups.id, *pass);
+	pass->storage[BIND_RIDGES] = ws->ridges.id;
 	pass->name = "surfaces-gather";
 	pass->program = f->scenery.gather;
 	scenery_restrict(ws, pass, GROUPS_SURFACES);
@@ -459,30 +473,45 @@ static bool find_layer(
 	return true;
 }
 
+static void light_layer(struct workspace *ws, const struct frame *f, struct pass *pass, int first, int last)
+{
+	pass->name = "surfaces";
+	for (pass->batch = first; pass->batch <= last; pass->batch++) {
+		frame_tables(ws, f, pass->batch, NULL);
+		passes_run(ws->passes, pass);
+	}
+}
+
+/* What lies beyond ridges that cross pixels. */
+static void light_ridges(struct workspace *ws, const struct frame *f, struct pass pass, int first, int last)
+{
+	pass.program = f->scenery.light_ridges;
+	pass.storage[BIND_SURFACES] = pass.indirect = ws->ridges.id;
+	light_layer(ws, f, &pass, first, last);
+}
+
 bool scenery_layers(struct workspace *ws, const struct frame *f, const int tile[4], int first, int last,
 	const unsigned storage[PASS_STORAGE], struct error *err)
 {
 	const struct scenery *s = &f->scenery;
 	struct pass pass = { .threads = { tile[2] * tile[3], 1, 1 } };
-	if (!s->layer)
+	if (!s->light)
 		return true;
 	memcpy(pass.tile, tile, sizeof pass.tile);
 	memcpy(pass.storage, storage, sizeof pass.storage);
 	surfaces_bind(s->surfaces, ws->passes, pass.storage);
-	for (int k = 0; k < SEE_THROUGH_LAYERS; k++)
+	if (s->light_ridges && f->stage == FRAME_STRIPS)
+		light_ridges(ws, f, pass, first, last);
+	for (int k = 0; k < SEE_THROUGH_LAYERS && s->layer; k++)
 		if (!find_layer(ws, f, pass, k, k > 0 ? ws->layer_groups[k - 1].id : 0, err))
 			return false;
-	pass.name = "surfaces";
 	pass.program = s->light_layer;
 	pass.storage[BIND_CLOUD_LIGHT] = ws->cloud_light.id;
 	pass.storage[BIND_CLOUD_PLACE] = ws->cloud_place.id;
-	for (int k = SEE_THROUGH_LAYERS - 1; k >= 0; k--) {
+	for (int k = SEE_THROUGH_LAYERS - 1; k >= 0 && s->layer; k--) {
 		pass.storage[BIND_SURFACES] = ws->layers[k].id;
 		restrict_to(&pass, ws->layer_groups[k].id, GROUPS_SURFACES);
-		for (pass.batch = first; pass.batch <= last; pass.batch++) {
-			frame_tables(ws, f, pass.batch, NULL);
-			passes_run(ws->passes, &pass);
-		}
+		light_layer(ws, f, &pass, first, last);
 	}
 	return true;
 }

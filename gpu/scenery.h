@@ -16,6 +16,7 @@ struct scenery {
 	bool there;                                /* the frame has a scene that can matter */
 	struct surfaces *surfaces;                 /* good for the slice in hand */
 	const struct program *layer, *light_layer; /* NULL where light passes through nothing */
+	const struct program *light_ridges;        /* NULL where ridges are not antialiased */
 	const struct program *draw, *list_drawn, *gather, *cast, *list, *light,
 		*shafts[2]; /* shafts: before surfaces, and before what is behind; NULL: no pass of its own */
 };

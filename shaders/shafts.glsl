@@ -123,6 +123,29 @@ bool shaft_shadowed(ShaftRay ray, float t)
 	return textureLod(shadow_depth, vec3(at.xy, float(surfaces.shadow_cascades - 1)), 0.0).r < min(at.z, 1.0);
 }
 
+const int SOURCE_EVERY = 8; /* samples of the shadow for one of the light: that varies slowly */
+
+/* Following the ray up to distance `end`. */
+vec4 lost_by_march(ShaftRay ray, float end)
+{
+	vec2 way = shaft_interval(ray, max(ray.entered, 0.0), min(end, ray.top));
+	vec4 lost = vec4(0.0);
+	if (ray.entered < 0.0 || way.y <= way.x)
+		return lost;
+	vec3 column = shaft_column(ray, max(ray.entered, 0.0), way.x, 6);
+	int pieces = max(surfaces.shaft_steps / SOURCE_EVERY, 1);
+	float dt = (way.y - way.x) / float(pieces);
+	for (int i = 0; i < pieces; i++) {
+		float from = way.x + float(i) * dt;
+		int shadowed = 0;
+		for (int k = 0; k < SOURCE_EVERY; k++)
+			shadowed += shaft_shadowed(ray, from + (float(k) + 0.5) * dt / float(SOURCE_EVERY)) ? 1 : 0;
+		vec4 source = shaft_source(ray, from + 0.5 * dt, dt, column);
+		lost += source * (dt * float(shadowed) / float(SOURCE_EVERY));
+	}
+	return lost;
+}
+
 /* The stretch of a plane's line that lies on the map: m across the sun's direction, from the camera. */
 vec2 shaft_line(float phi)
 {

@@ -54,6 +54,7 @@ typedef unsigned int uint;
 #define BIND_TRIANGLES 11     /* in the order of the nodes' leaves */
 #define BIND_VERTICES 12     /* of the placed mesh, VERTEX_FLOATS each */
 #define BIND_MATERIALS 13
+#define BIND_RIDGES 0        /* kernel that gathers records: workgroups along x, y, z, how many entries; then for each a record of the other side of a ridge that crosses a pixel, as BIND_SURFACES, and the pixel; surfaces_gather.comp */
 #define BIND_LAYER 0         /* kernel of see-through surfaces: records of a layer of them, as BIND_SURFACES */
 #define BIND_AMBIENT 14      /* float per vertex: share of the sky above it that is open */
 
@@ -116,6 +117,7 @@ typedef unsigned int uint;
 #define UNIT_AMBIENT 32
 #define UNIT_RADIANCE 33
 
+#define UNIT_RASTER_DEPTH 35  /* of the samples of UNIT_RASTER: near over distance */
 #define UNIT_CLOUD_SUN 34     /* optical depth of clouds to the sun; cloud_sun.glsl */
 
 /* Samples of a pixel in the raster pass. */

@@ -27,9 +27,10 @@
 #endif
 
 /* SEE_THROUGH, chosen when the program is built: the scene has surfaces that light passes through, and they shade others. LAYER: the
- * records are of one layer of them. */
+ * records are of one layer of them. RIDGES, with that: they are a list of what lies beyond ridges (surfaces_gather.comp). */
 
-/* SHAFTS, chosen when the program is built: the scene's shadow takes light from the air before its surfaces, as the table says. */
+/* SHAFTS, chosen when the program is built: the scene's shadow takes light from the air before its surfaces, as the table says.
+ * SHAFT_MARCH, of layers: as following the ray says, which for others is shafts.comp's. */
 #ifdef SHAFTS
 /* What the air before a surface loses: from the table up to the last of its distances, since beyond the surface that goes on into the
  * ground, and from there by a look at the map. For all of the rest stands what scatters in its middle. h: altitude of the surface;
@@ -93,6 +94,9 @@ void light_pixel(int i, vec3 d, Surface s)
 	ShaftRay ray = shaft_ray(d);
 	air = max(air - lost_before(ray, d, s.t, h, to_sun, column), 0.0);
 #endif
+#ifdef SHAFT_MARCH
+	air = max(air - lost_by_march(shaft_ray(d), s.t), 0.0);
+#endif
 	float through = 1.0;
 	vec4 lost = vec4(0.0);
 #ifdef CLOUDS
@@ -112,10 +116,19 @@ void light_pixel(int i, vec3 d, Surface s)
 
 void main()
 {
+#ifdef RIDGES
+	int entry = int(gl_GlobalInvocationID.x);
+	if (entry >= int(surface_of(0).w))
+		return;
+	int i = int(surface_of(2 * entry + 2).x);
+#else
 	int i = own_pixel();
 	if (i >= tile.z * tile.w)
 		return;
-#ifdef LAYER
+#endif
+#ifdef RIDGES
+	Surface s = layer_unpack(surface_of(2 * entry + 1));
+#elif defined(LAYER)
 	Surface s = layer_unpack(surface_of(i));
 #else
 	Surface s = surface_unpack(surface_of(i));

@@ -32,7 +32,7 @@ check() {
 }
 for kernel in $(cd "$dir" && find . -name '*.comp' -o -name '*.vert' -o -name '*.frag' | sort); do
 	check "$kernel" ""
-	for choice in CLOUDS SHAFTS SEE_THROUGH LAYER; do
+	for choice in CLOUDS SHAFTS SEE_THROUGH LAYER RIDGES; do
 		if grep -q "^#ifdef $choice" "$dir/$kernel"; then
 			check "$kernel" "#define $choice 1"
 		fi

@@ -189,6 +189,42 @@ static void textures_cut_out(void **state)
 	free(cut);
 }
 
+/* Pixels that the rim of a solid one crosses show a share of it that samples tell to a quarter: against sixteen pixels
+ * for one. */
+static void rims_are_smooth(void **state)
+{
+	(void)state;
+	enum { FINE = 8 };
+	struct welkin_request r = view("sky_view"), fine;
+	r.camera.roll_deg = 7;
+	fine = r;
+	fine.image.width = fine.image.height = FINE * SIDE;
+	float(*coarse)[4] = picture(&r, 1, 1, false), (*many)[4] = picture(&fine, 1, 1, false);
+	const size_t middle = SIDE / 2 * SIDE + SIDE / 2;
+	const double step = fabs(luminance(coarse[middle]) - luminance(coarse[middle + SIDE / 2 - 1]));
+	double most = 0;
+	size_t crossed = 0;
+	for (size_t i = 0; i < SIDE * SIDE; i++) {
+		double sum = 0, low = INFINITY, high = 0;
+		for (size_t k = 0; k < FINE * FINE; k++) {
+			const size_t y = i / SIDE * FINE + k / FINE, x = i % SIDE * FINE + k % FINE;
+			const double L = luminance(many[y * FINE * SIDE + x]);
+			sum += L / (FINE * FINE);
+			low = fmin(low, L);
+			high = fmax(high, L);
+		}
+		if (high - low < 0.8 * step || at_m(i % SIDE) < 0)
+			continue; /* on one side, or the shadow's edge */
+		crossed++;
+		most = fmax(most, fabs(luminance(coarse[i]) - sum) / step);
+	}
+	print_message("%zu pixels on the rim, off by %.2f of the step at most\n", crossed, most);
+	assert_true(crossed > 40);
+	assert_true(most < 0.3); /* a quarter, and what the filter of the shadow adds */
+	free(coarse);
+	free(many);
+}
+
 /* Means over the pane before the sunlit plane, and over the shadow beside it, by paths. What the plane and the pane's
  * lower side send each other goes by d (1 - d) as well, and is up to 3 % of the plane's light: a quarter of what it
  * sees is the pane. */
@@ -223,6 +259,7 @@ int main(void)
 		cmocka_unit_test(panes_stand_behind_each_other),
 		cmocka_unit_test(shadows_let_through_what_panes_do),
 		cmocka_unit_test(textures_cut_out),
+		cmocka_unit_test(rims_are_smooth),
 		cmocka_unit_test(path_tracer_agrees),
 	};
 	return cmocka_run_group_tests(tests, group_renderer_start, group_renderer_stop);
