@@ -126,16 +126,22 @@ static void prepare(struct frame *f)
 	f->result.expected_error = f->method->progressive ? NAN : choose_expect(&job->request, 0).error;
 }
 
-/* The kernel that does all, and a quicker one for pixels without layers that the sun's disk can't touch. Samples of a
- * progressive method cost too much for the difference to show; what matters there is whether they trace clouds. */
+/* The kernel that does all, and a quicker one for pixels without layers that the sun's disk can't touch, which needs no
+ * list of rays where these are simple. Samples of a progressive method cost too much for the difference to show; what
+ * matters there is whether they trace clouds. */
 static bool choose_sky(struct workspace *ws, struct frame *f, struct error *err)
 {
-	char file[64];
+	char file[64], choices[64];
+	const bool clouds = f->plan.features & FEATURE_CLOUDS;
+	const char *shafts = f->plan.epipolar && !clouds ? "SHAFTS=1" : "";
 	snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
-	const bool traced = f->method->progressive && f->plan.features & FEATURE_CLOUDS;
-	f->sky = f->plain = programs_get(ws->programs, file, traced ? "CLOUDS=1" : "", err);
+	f->sky = f->plain =
+		programs_get(ws->programs, file, f->method->progressive && clouds ? "CLOUDS=1" : shafts, err);
+	f->pinhole = f->job.kind == WELKIN_JOB_IMAGE && !f->method->progressive &&
+		     f->job.request.image.projection == WELKIN_PERSPECTIVE;
+	snprintf(choices, sizeof choices, "PLAIN=1%s%s%s", f->pinhole ? " PINHOLE=1" : "", *shafts ? " " : "", shafts);
 	if (f->sky && f->job.kind == WELKIN_JOB_IMAGE && !f->method->progressive)
-		f->plain = programs_get(ws->programs, file, "PLAIN=1", err);
+		f->plain = programs_get(ws->programs, file, choices, err);
 	return f->plain != NULL;
 }
 

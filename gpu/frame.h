@@ -28,7 +28,8 @@ struct frame {
 	struct welkin_job job;
 	const struct method *method;
 	const struct program *rays, *sky, *plain, *disk, *output; /* plain: see choose_sky() */
-	const struct program *clouds, *compose;                   /* NULL without clouds */
+	bool pinhole;                           /* kernels work the rays of plain pixels out themselves */
+	const struct program *clouds, *compose; /* NULL without clouds */
 	struct scenery scenery;
 	struct {
 		const struct program *corners, *fill_lattice, *lattice, *fill_pixels, *pixels;

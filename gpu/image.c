@@ -137,7 +137,8 @@ bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4
 	struct pass rays = { .name = "rays", .program = f->rays, .threads = { tile[2], tile[3], 1 } };
 	memcpy(rays.tile, tile, sizeof rays.tile);
 	rays.storage[BIND_DIRECTIONS] = ws->rays.id;
-	passes_run(ws->passes, &rays);
+	if (!f->pinhole || f->clouds || !plain_enough(f, tile) || (f->stage == FRAME_METER && f->scenery.light))
+		passes_run(ws->passes, &rays);
 	if (!scenery_records(ws, f, tile, err))
 		return false;
 	struct pass sky = { .name = f->stage == FRAME_METER ? "meter" : "sky",
@@ -169,7 +170,7 @@ bool image_run_sky(struct workspace *ws, const struct frame *f, const int tile[4
 		frame_tables(ws, f, batch, NULL);
 		scenery_light(ws, f, tile, batch, sky.storage);
 	}
-	return true;
+	return scenery_layers(ws, f, tile, 0, f->scene.n_batches - 1, sky.storage, err);
 }
 
 static void run_disk(struct workspace *ws, const struct frame *f, const int tile[4])

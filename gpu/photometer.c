@@ -112,6 +112,10 @@ bool photometer_step(struct workspace *ws, struct frame *frame, double start_ms,
 	if (frame->clouds)
 		clouds_run(ws, frame, pass.tile, ws->spectral_L.id, ws->spectral_T.id, ws->directions.id);
 	scenery_light(ws, frame, pass.tile, pass.batch, pass.storage);
+	if (!scenery_layers(ws, frame, pass.tile, pass.batch, pass.batch, pass.storage, err)) {
+		frame_finish(frame, WELKIN_FAILED, err->text);
+		return true;
+	}
 	if (!frame_settle(ws, frame, count, 1, err))
 		return false;
 	read_back(ws, frame, frame->direction, count);

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PROGRAMS_MAX = 192, ADDED_MAX = 64, FILES_MAX = 32, DEPTH_MAX = 8, STRETCHES_MAX = 2 * FILES_MAX + 64 };
+enum { PROGRAMS_MAX = 192, ADDED_MAX = 64, FILES_MAX = 48, DEPTH_MAX = 8, STRETCHES_MAX = 2 * FILES_MAX + 64 };
 
 const struct fetched program_fetched[PROGRAM_FETCHED] = {
 	{ "direction_texels", BIND_DIRECTIONS, UNIT_DIRECTIONS, GL_RGBA32F },
@@ -298,7 +298,7 @@ bool programs_add_file(struct programs *programs, const char *name, const char *
 
 const struct program *programs_get(struct programs *programs, const char *name, const char *choices, struct error *err)
 {
-	char full[128];
+	char full[192];
 	snprintf(full, sizeof full, "%s%s%s", name, *choices ? " " : "", choices);
 	for (int i = 0; i < programs->n; i++)
 		if (strcmp(programs->list[i].name, full) == 0)

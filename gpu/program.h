@@ -13,7 +13,7 @@ struct programs *programs_create(const char *shader_dir);
 void programs_destroy(struct programs *programs);
 
 struct program {
-	char name[128]; /* with its choices */
+	char name[192]; /* with its choices */
 	unsigned id;
 	int group[3]; /* local size; 0 of a program that draws */
 	bool has_tile, has_batch, has_iteration, has_samples, has_planes, has_white, has_rows, has_box,

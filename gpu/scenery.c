@@ -69,28 +69,41 @@ static const char *plain(const struct frame *f)
 	return f->job.kind == WELKIN_JOB_IMAGE && !(f->plan.features & FEATURE_LAYERS) ? " PLAIN=1" : "";
 }
 
+static const char *pinhole(const struct frame *f)
+{
+	return f->pinhole ? " PINHOLE=1" : "";
+}
+
 static const char *clouded(const struct frame *f)
 {
 	return f->plan.features & FEATURE_CLOUDS ? " CLOUDS=1" : "";
 }
 
-static const struct program *choose_light(struct workspace *ws, const struct frame *f, struct error *err)
+/* what: of layers of them before a pixel, its choices. */
+static const struct program *choose_light(
+	struct workspace *ws, const struct frame *f, const char *what, struct error *err)
 {
-	char choices[112];
-	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d SCALED=%d SHADING=%d SHADOW_FILTER=%d%s%s%s%s",
+	char choices[160];
+	const bool marches = *what && f->plan.features & FEATURE_SHAFTS && !f->plan.epipolar;
+	/* layers darken the sun's disk behind them */
+	const bool bare = !(*what && f->plan.features & FEATURE_SUN_DISK);
+	snprintf(choices, sizeof choices, "AERIAL_MARCH=%d SCALED=%d SHADING=%d SHADOW_FILTER=%d%s%s%s%s%s%s%s%s",
 		f->method->single_scattering, !f->method->single_scattering, f->scene.surfaces.shading,
-		f->scene.surfaces.shadow_filter, plain(f), clouded(f), f->plan.epipolar ? " SHAFTS=1" : "",
-		f->scenery.surfaces->glossy ? "" : " MATTE=1");
+		f->scene.surfaces.shadow_filter, bare ? plain(f) : "", pinhole(f), clouded(f),
+		f->plan.epipolar ? " SHAFTS=1" : "", f->scenery.surfaces->glossy ? "" : " MATTE=1",
+		f->scenery.surfaces->see_through_root ? " SEE_THROUGH=1" : "", what, marches ? " SHAFT_MARCH=1" : "");
 	return programs_get(ws->programs, "surfaces.comp", choices, err);
 }
 
-/* From the table, the kernel that lights surfaces takes from the air before them as well. */
+/* From the table, the kernels that light surfaces and sky take from the air before them as well; the sky's knows no
+ * clouds. */
 static bool choose_shafts(struct workspace *ws, struct frame *f, struct error *err)
 {
-	for (int behind = f->plan.epipolar; behind < 2; behind++) {
-		char choices[64];
-		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d BEHIND=%d%s%s", f->plan.epipolar,
-			!f->method->single_scattering, behind, plain(f), clouded(f));
+	const int first = !f->plan.epipolar ? 0 : f->plan.features & FEATURE_CLOUDS ? 1 : 2;
+	for (int behind = first; behind < 2; behind++) {
+		char choices[80];
+		snprintf(choices, sizeof choices, "EPIPOLAR=%d SCALED=%d BEHIND=%d%s%s%s", f->plan.epipolar,
+			!f->method->single_scattering, behind, plain(f), pinhole(f), clouded(f));
 		if (!(f->scenery.shafts[behind] = programs_get(ws->programs, "shafts.comp", choices, err)))
 			return false;
 	}
@@ -107,10 +120,13 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	if (!s->surfaces)
 		return false;
 	surfaces_prepare(&f->scene.surfaces, &f->job.request, s->surfaces->low, s->surfaces->high);
+	f->scene.surfaces.see_through_root = (int)s->surfaces->see_through_root;
 	if (f->plan.features & FEATURE_TRACED) {
 		char file[64];
 		snprintf(file, sizeof file, "methods/%s.comp", f->method->name);
-		const char *choices = f->plan.features & FEATURE_CLOUDS ? "CLOUDS=1 SCENE=1" : "SCENE=1";
+		char choices[64];
+		snprintf(choices, sizeof choices, "SCENE=1%s%s", clouded(f),
+			s->surfaces->see_through_root ? " SEE_THROUGH=1" : "");
 		return (f->sky = f->plain = programs_get(ws->programs, file, choices, err)) != NULL;
 	}
 	struct surfaces_window window;
@@ -119,8 +135,15 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	if (draws(f)) {
 		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
 		s->list_drawn = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=1", err);
-		s->gather = programs_get(
-			ws->programs, "surfaces_gather.comp", s->surfaces->normal_mapped ? "" : "NORMAL_MAPS=0", err);
+		char choices[48];
+		const int neighbours = s->surfaces->n_triangles < 1 << 16 ? 0 : 8;
+		snprintf(choices, sizeof choices, "NORMAL_MAPS=%d NEIGHBOURS=%d%s", s->surfaces->normal_mapped,
+			neighbours, pinhole(f));
+		/* a cloud's light would have to be told from that of what is behind it */
+		if (!(f->plan.features & FEATURE_CLOUDS) &&
+			!(s->light_ridges = choose_light(ws, f, " LAYER=1 RIDGES=1", err)))
+			return false;
+		s->gather = programs_get(ws->programs, "surfaces_gather.comp", choices, err);
 	}
 	if (f->plan.features & FEATURE_SHAFTS) {
 		shafts_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
@@ -129,7 +152,11 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	}
 	s->cast = programs_get(ws->programs, "surfaces_cast.comp", "", err);
 	s->list = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=0", err);
-	s->light = choose_light(ws, f, err);
+	s->light = choose_light(ws, f, "", err);
+	if (s->surfaces->see_through_root &&
+		(!(s->layer = programs_get(ws->programs, "surfaces_layer.comp", f->pinhole ? "PINHOLE=1" : "", err)) ||
+			!(s->light_layer = choose_light(ws, f, " LAYER=1", err))))
+		return false;
 	return (!draws(f) || (s->draw && s->list_drawn && s->gather)) && s->cast && s->list && s->light;
 }
 
@@ -301,45 +328,56 @@ static bool need_raster(struct workspace *ws, const struct frame *f, const int t
 	return true;
 }
 
-void scenery_restrict(const struct workspace *ws, struct pass *pass, int list)
+static void restrict_to(struct pass *pass, unsigned groups, int list)
 {
-	pass->storage[BIND_GROUPS] = ws->groups.id;
+	pass->storage[BIND_GROUPS] = groups;
 	pass->group_list = list + 1;
-	pass->indirect = ws->groups.id;
+	pass->indirect = groups;
 	pass->indirect_at = list * GROUPS_HEAD * (int)sizeof(uint);
 }
 
-static bool empty_lists(struct workspace *ws, int pixels, struct error *err)
+void scenery_restrict(const struct workspace *ws, struct pass *pass, int list)
+{
+	restrict_to(pass, ws->groups.id, list);
+}
+
+static bool empty_lists(struct buffer *groups_buffer, int pixels, struct error *err)
 {
 	static const uint heads[GROUPS_LISTS][GROUPS_HEAD] = { { 0, 1, 1, 0 }, { 0, 1, 1, 0 } };
 	const size_t groups = ((size_t)pixels + WORKGROUP_LINE - 1) / WORKGROUP_LINE;
-	if (!workspace_reserve(&ws->groups, (GROUPS_FIRST + GROUPS_LISTS * groups) * sizeof(uint), false, err))
+	if (!workspace_reserve(groups_buffer, (GROUPS_FIRST + GROUPS_LISTS * groups) * sizeof(uint), false, err))
 		return false;
-	glNamedBufferSubData(ws->groups.id, 0, sizeof heads, heads);
+	glNamedBufferSubData(groups_buffer->id, 0, sizeof heads, heads);
 	return true;
 }
 
-static void run_list(struct workspace *ws, const struct program *program, struct pass pass)
+static void run_list(struct workspace *ws, const struct program *program, unsigned groups, struct pass pass)
 {
 	pass.name = "surfaces-list";
 	pass.program = program;
 	pass.threads[0] = (pass.tile[2] * pass.tile[3] + WORKGROUP_LINE - 1) / WORKGROUP_LINE;
 	pass.threads[1] = 1;
-	pass.storage[BIND_GROUPS] = ws->groups.id;
+	pass.storage[BIND_GROUPS] = groups;
 	passes_run(ws->passes, &pass);
 }
 
 /* By what was drawn of them. */
 static bool gather_records(struct workspace *ws, const struct frame *f, struct pass *pass, struct error *err)
 {
-	if (!need_raster(ws, f, pass->tile, err))
+	static const uint no_ridges[4] = { 0, 1, 1, 0 };
+	const size_t pixels = (size_t)pass->tile[2] * (size_t)pass->tile[3];
+	if (!need_raster(ws, f, pass->tile, err) ||
+		!workspace_reserve(&ws->ridges, (1 + 2 * pixels) * RECORD_BYTES, false, err))
 		return false;
+	glNamedBufferSubData(ws->ridges.id, 0, sizeof no_ridges, no_ridges);
 	memcpy(pass->box, ws->raster.band, sizeof pass->box);
 	passes_texture(ws->passes, UNIT_RASTER, ws->raster.color);
+	passes_texture(ws->passes, UNIT_RASTER_DEPTH, ws->raster.depth);
 	/* those of groups that are not listed */
 	glClearNamedBufferSubData(ws->surface.id, GL_RGBA32UI, 0,
 		(GLsizeiptr)pass->tile[2] * pass->tile[3] * RECORD_BYTES, GL_RGBA_INTEGER, GL_UNSIGNED_INT, NULL);
-	run_list(ws, f->scenery.list_drawn, *pass);
+	run_list(ws, f->scenery.list_drawn, ws->groups.id, *pass);
+	pass->storage[BIND_RIDGES] = ws->ridges.id;
 	pass->name = "surfaces-gather";
 	pass->program = f->scenery.gather;
 	scenery_restrict(ws, pass, GROUPS_SURFACES);
@@ -365,7 +403,7 @@ bool scenery_records(struct workspace *ws, const struct frame *f, const int tile
 	if (!s->light)
 		return true;
 	if (!workspace_reserve(&ws->surface, (size_t)pixels * RECORD_BYTES, false, err) ||
-		!empty_lists(ws, pixels, err))
+		!empty_lists(&ws->groups, pixels, err))
 		return false;
 	memcpy(pass.tile, tile, sizeof pass.tile);
 	surfaces_bind(s->surfaces, ws->passes, pass.storage);
@@ -376,7 +414,7 @@ bool scenery_records(struct workspace *ws, const struct frame *f, const int tile
 		return gather_records(ws, f, &pass, err);
 	cast_records(ws, f, &pass);
 	if (image)
-		run_list(ws, s->list, pass);
+		run_list(ws, s->list, ws->groups.id, pass);
 	return true;
 }
 
@@ -408,6 +446,74 @@ void scenery_light(
 	for (int behind = 0; behind < 2; behind++)
 		if ((pass.program = s->shafts[behind]))
 			run_listed(ws, f, pass, behind ? GROUPS_SKY : GROUPS_SURFACES);
+}
+
+/* Records of layer k, from the front, and a list of the groups that have any; before: that of the layer before. */
+static bool find_layer(
+	struct workspace *ws, const struct frame *f, struct pass pass, int k, unsigned before, struct error *err)
+{
+	struct buffer *layer = &ws->layers[k], *groups = &ws->layer_groups[k];
+	const int pixels = pass.tile[2] * pass.tile[3];
+	if (!workspace_reserve(layer, (size_t)pixels * RECORD_BYTES, false, err) || !empty_lists(groups, pixels, err))
+		return false;
+	pass.name = "see-through";
+	pass.program = f->scenery.layer;
+	pass.iteration = k;
+	pass.storage[BIND_LAYER] = layer->id;
+	pass.storage[BIND_SURFACES] = ws->surface.id;
+	if (before) {
+		glClearNamedBufferSubData(layer->id, GL_RGBA32UI, 0, (GLsizeiptr)pixels * RECORD_BYTES, GL_RGBA_INTEGER,
+			GL_UNSIGNED_INT, NULL);
+		restrict_to(&pass, before, GROUPS_SURFACES);
+	}
+	passes_run(ws->passes, &pass);
+	pass = (struct pass){ .tile = { pass.tile[0], pass.tile[1], pass.tile[2], pass.tile[3] } };
+	pass.storage[BIND_SURFACES] = layer->id;
+	run_list(ws, f->scenery.list, groups->id, pass);
+	return true;
+}
+
+static void light_layer(struct workspace *ws, const struct frame *f, struct pass *pass, int first, int last)
+{
+	pass->name = "surfaces";
+	for (pass->batch = first; pass->batch <= last; pass->batch++) {
+		frame_tables(ws, f, pass->batch, NULL);
+		passes_run(ws->passes, pass);
+	}
+}
+
+/* What lies beyond ridges that cross pixels. */
+static void light_ridges(struct workspace *ws, const struct frame *f, struct pass pass, int first, int last)
+{
+	pass.program = f->scenery.light_ridges;
+	pass.storage[BIND_SURFACES] = pass.indirect = ws->ridges.id;
+	light_layer(ws, f, &pass, first, last);
+}
+
+bool scenery_layers(struct workspace *ws, const struct frame *f, const int tile[4], int first, int last,
+	const unsigned storage[PASS_STORAGE], struct error *err)
+{
+	const struct scenery *s = &f->scenery;
+	struct pass pass = { .threads = { tile[2] * tile[3], 1, 1 } };
+	if (!s->light)
+		return true;
+	memcpy(pass.tile, tile, sizeof pass.tile);
+	memcpy(pass.storage, storage, sizeof pass.storage);
+	surfaces_bind(s->surfaces, ws->passes, pass.storage);
+	if (s->light_ridges && f->stage == FRAME_STRIPS)
+		light_ridges(ws, f, pass, first, last);
+	for (int k = 0; k < SEE_THROUGH_LAYERS && s->layer; k++)
+		if (!find_layer(ws, f, pass, k, k > 0 ? ws->layer_groups[k - 1].id : 0, err))
+			return false;
+	pass.program = s->light_layer;
+	pass.storage[BIND_CLOUD_LIGHT] = ws->cloud_light.id;
+	pass.storage[BIND_CLOUD_PLACE] = ws->cloud_place.id;
+	for (int k = SEE_THROUGH_LAYERS - 1; k >= 0 && s->layer; k--) {
+		pass.storage[BIND_SURFACES] = ws->layers[k].id;
+		restrict_to(&pass, ws->layer_groups[k].id, GROUPS_SURFACES);
+		light_layer(ws, f, &pass, first, last);
+	}
+	return true;
 }
 
 void scenery_bind_rays(struct workspace *ws, const struct frame *f, unsigned storage[PASS_STORAGE])

@@ -13,8 +13,10 @@ struct frame;
 struct workspace;
 
 struct scenery {
-	bool there;                /* the frame has a scene that can matter */
-	struct surfaces *surfaces; /* good for the slice in hand */
+	bool there;                                /* the frame has a scene that can matter */
+	struct surfaces *surfaces;                 /* good for the slice in hand */
+	const struct program *layer, *light_layer; /* NULL where light passes through nothing */
+	const struct program *light_ridges;        /* NULL where ridges are not antialiased */
 	const struct program *draw, *list_drawn, *gather, *cast, *list, *light,
 		*shafts[2]; /* shafts: before surfaces, and before what is behind; NULL: no pass of its own */
 };
@@ -41,5 +43,9 @@ void scenery_bind_rays(struct workspace *ws, const struct frame *frame, unsigned
  */
 void scenery_light(struct workspace *ws, const struct frame *frame, const int tile[4], int batch,
 	const unsigned storage[PASS_STORAGE]);
+
+/* Puts see-through surfaces before all that is there: of batches first … last. false: no device memory for them. */
+bool scenery_layers(struct workspace *ws, const struct frame *frame, const int tile[4], int first, int last,
+	const unsigned storage[PASS_STORAGE], struct error *err);
 
 #endif

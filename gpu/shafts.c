@@ -99,11 +99,11 @@ void shafts_prepare(struct SurfacesBlock *block, const struct welkin_request *re
 		find_range(block, window);
 }
 
-/* Measured on llvmpipe: a ray of the table costs about as much as forty steps of a pixel's, and what a pixel reads as
+/* Measured on llvmpipe: a ray of the table costs about as much as fifty steps of a pixel's, and what a pixel reads as
  * much as eight. */
 bool shafts_epipolar_pays(int shaft_steps, double pixels)
 {
-	return pixels * (shaft_steps - 8) > 40.0 * SHAFT_ANGLES * SHAFT_PLANES;
+	return pixels * (shaft_steps - 8) > 50.0 * SHAFT_ANGLES * SHAFT_PLANES;
 }
 
 enum table_state shafts_need(struct frame_tables *tables, const struct scene *scene, const struct surfaces *surfaces,

@@ -11,7 +11,7 @@ enum { CLUSTER_TRIANGLES = 256 };
 
 /* std430 of struct Material in shaders/surface_record.glsl. */
 struct device_material {
-	float diffuse[4], specular[4], ambient[4]; /* w: shininess; opacity; 0 */
+	float diffuse[4], specular[4], ambient[4]; /* w: shininess; opacity; 1: so is its texture's alpha */
 	int32_t albedo_texture, normal_texture, reserved[2];
 };
 
@@ -30,11 +30,11 @@ struct build {
 	struct surfaces *s;
 	int anisotropy;
 	struct mesh_vertex *vertices;
-	uint32_t n; /* triangles */
+	uint32_t n, n_solid; /* triangles; those that no light passes through come first */
 	uint32_t (*triangles)[3];
 	uint32_t *materials;
 	float (*corners)[9];
-	struct bvh bvh;
+	struct bvh bvh; /* of the solid ones; then both */
 };
 
 static void destroy(void *object)
@@ -62,22 +62,36 @@ static void bend_vertices(struct build *b)
 		bending_vertex(&s->bending, &from[i], &b->vertices[i]);
 }
 
-/* Drops what is nothing to see: triangles of materials that are mostly see-through. */
+static bool lets_light_through(const struct mesh_material *m)
+{
+	return m->opacity < 1 || m->alpha;
+}
+
+static void collect_part(struct build *b, const struct mesh_part *part)
+{
+	const uint32_t *indices = mesh_indices(b->mesh) + part->first_index;
+	for (uint32_t i = 0; i < part->n_indices; i += 3) {
+		const uint32_t *t = indices + i;
+		b->materials[b->n] = part->material;
+		memcpy(b->triangles[b->n], t, sizeof b->triangles[0]);
+		for (int k = 0; k < 3; k++)
+			memcpy(b->corners[b->n] + 3 * k, b->vertices[t[k]].position, 3 * sizeof(float));
+		b->n++;
+	}
+}
+
+/* Drops what is nothing to see. */
 static void collect_triangles(struct build *b)
 {
 	const struct mesh_part *parts = mesh_parts(b->mesh);
-	const uint32_t *indices = mesh_indices(b->mesh);
-	for (uint32_t p = 0; p < b->mesh->n_parts; p++) {
-		if (mesh_materials(b->mesh)[parts[p].material].opacity < 0.5f)
-			continue;
-		for (uint32_t i = 0; i < parts[p].n_indices; i += 3) {
-			const uint32_t *t = indices + parts[p].first_index + i;
-			b->materials[b->n] = parts[p].material;
-			memcpy(b->triangles[b->n], t, sizeof b->triangles[0]);
-			for (int k = 0; k < 3; k++)
-				memcpy(b->corners[b->n] + 3 * k, b->vertices[t[k]].position, 3 * sizeof(float));
-			b->n++;
+	for (int through = 0; through < 2; through++) {
+		for (uint32_t p = 0; p < b->mesh->n_parts; p++) {
+			const struct mesh_material *m = &mesh_materials(b->mesh)[parts[p].material];
+			if (lets_light_through(m) == through && m->opacity > 0)
+				collect_part(b, &parts[p]);
 		}
+		if (!through)
+			b->n_solid = b->n;
 	}
 }
 
@@ -93,6 +107,55 @@ static void find_bounds(struct build *b)
 			s->low[k % 3] = fminf(s->low[k % 3], b->corners[i][k]);
 			s->high[k % 3] = fmaxf(s->high[k % 3], b->corners[i][k]);
 		}
+}
+
+/* ---- hierarchies ---- */
+
+/* Puts `after` behind the hierarchy that is there, as a part of its own; its root is returned. */
+static uint32_t append_hierarchy(struct bvh *bvh, const struct bvh *after)
+{
+	const uint32_t root = bvh->n_nodes, first = bvh->n_triangles;
+	for (uint32_t i = 0; i < after->n_nodes; i++) {
+		struct bvh_node node = after->nodes[i];
+		for (int k = 0; k < 2; k++)
+			node.child[k].first += (int32_t)(node.child[k].count > 0 ? first : root);
+		bvh->nodes[root + i] = node;
+	}
+	for (uint32_t i = 0; i < after->n_triangles; i++)
+		bvh->order[first + i] = after->order[i] + first;
+	bvh->n_nodes += after->n_nodes;
+	bvh->n_triangles += after->n_triangles;
+	return root;
+}
+
+/* A node that no ray meets. */
+static struct bvh_node nothing_below(void)
+{
+	const struct bvh_child child = { .low = { 1, 1, 1 }, .high = { 0, 0, 0 }, .count = 1 };
+	return (struct bvh_node){ { child, child } };
+}
+
+/* One for solid triangles and one for the others. */
+static bool build_hierarchies(struct build *b)
+{
+	struct bvh part[2] = { 0 };
+	const uint32_t through = b->n - b->n_solid;
+	const float(*corners)[9] = (const float(*)[9])b->corners;
+	bool ok = (b->n_solid == 0 || bvh_build(&part[0], corners, b->n_solid)) &&
+		  (through == 0 || bvh_build(&part[1], corners + b->n_solid, through));
+	b->bvh.order = malloc((b->n + 1) * sizeof *b->bvh.order);
+	b->bvh.nodes = malloc((size_t)(part[0].n_nodes + part[1].n_nodes + 1) * sizeof *b->bvh.nodes);
+	ok = ok && b->bvh.order && b->bvh.nodes;
+	if (ok) {
+		if (b->n_solid == 0)
+			b->bvh.nodes[b->bvh.n_nodes++] = nothing_below();
+		append_hierarchy(&b->bvh, &part[0]);
+		const uint32_t root = append_hierarchy(&b->bvh, &part[1]);
+		b->s->see_through_root = through ? root : 0;
+	}
+	bvh_free(&part[0]);
+	bvh_free(&part[1]);
+	return ok;
 }
 
 /* ---- clusters ---- */
@@ -116,14 +179,14 @@ static void bound_cluster(const struct build *b, struct surfaces_cluster *c)
 static bool make_clusters(struct build *b)
 {
 	struct surfaces *s = b->s;
-	s->n_clusters = (b->n + CLUSTER_TRIANGLES - 1) / CLUSTER_TRIANGLES;
+	s->n_clusters = (b->n_solid + CLUSTER_TRIANGLES - 1) / CLUSTER_TRIANGLES;
 	s->clusters = calloc(s->n_clusters + 1, sizeof *s->clusters);
 	s->list.counts = calloc(s->n_clusters + 1, sizeof *s->list.counts);
 	s->list.offsets = calloc(s->n_clusters + 1, sizeof *s->list.offsets);
 	for (uint32_t i = 0; s->clusters && i < s->n_clusters; i++) {
 		struct surfaces_cluster *c = &s->clusters[i];
 		c->first = i * CLUSTER_TRIANGLES;
-		c->n = b->n - c->first < CLUSTER_TRIANGLES ? b->n - c->first : CLUSTER_TRIANGLES;
+		c->n = b->n_solid - c->first < CLUSTER_TRIANGLES ? b->n_solid - c->first : CLUSTER_TRIANGLES;
 		bound_cluster(b, c);
 	}
 	return s->clusters && s->list.counts && s->list.offsets;
@@ -156,12 +219,12 @@ static bool upload_drawn(struct build *b)
 	struct surfaces *s = b->s;
 	const uint32_t none = UINT32_MAX, vertices = b->mesh->n_vertices;
 	uint32_t *entry = malloc(vertices * sizeof *entry + 1),
-		 *indices = malloc((size_t)b->n * 3 * sizeof *indices + 1);
-	float(*positions)[3] = malloc(((size_t)b->n + vertices) * sizeof *positions + 1);
-	uint32_t n = b->n;
+		 *indices = malloc((size_t)b->n_solid * 3 * sizeof *indices + 1);
+	float(*positions)[3] = malloc(((size_t)b->n_solid + vertices) * sizeof *positions + 1);
+	uint32_t n = b->n_solid;
 	for (uint32_t i = 0; entry && i < vertices; i++)
 		entry[i] = none;
-	for (uint32_t i = 0; entry && indices && positions && i < b->n; i++) {
+	for (uint32_t i = 0; entry && indices && positions && i < b->n_solid; i++) {
 		const uint32_t *t = b->triangles[b->bvh.order[i]];
 		int last = 2; /* the corner to speak for it: one that has no position yet */
 		while (last > 0 && entry[t[last]] != none)
@@ -180,7 +243,7 @@ static bool upload_drawn(struct build *b)
 	const bool ok = entry && indices && positions;
 	if (ok) {
 		s->drawn = upload(s, positions, n * sizeof *positions);
-		s->indices = upload(s, indices, (size_t)b->n * 3 * sizeof *indices);
+		s->indices = upload(s, indices, (size_t)b->n_solid * 3 * sizeof *indices);
 	}
 	free(entry);
 	free(indices);
@@ -213,6 +276,7 @@ static bool upload_materials(struct build *b)
 		memcpy(list[i].ambient, m->ambient, sizeof m->ambient);
 		list[i].diffuse[3] = m->shininess;
 		list[i].specular[3] = m->opacity;
+		list[i].ambient[3] = m->alpha && m->albedo_texture >= 0 ? 1 : 0;
 		list[i].albedo_texture = m->albedo_texture;
 		list[i].normal_texture = m->normal_texture;
 		b->s->normal_mapped |= m->normal_texture >= 0;
@@ -273,7 +337,7 @@ static bool build(struct build *b)
 		b->s->n_vertices = vertices;
 		b->s->n_triangles = b->n;
 		b->s->n_materials = b->mesh->n_materials;
-		ok = (b->n == 0 || bvh_build(&b->bvh, (const float(*)[9])b->corners, b->n)) && to_device(b);
+		ok = build_hierarchies(b) && to_device(b);
 	}
 	bvh_free(&b->bvh);
 	free(b->vertices);

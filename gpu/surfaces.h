@@ -30,6 +30,7 @@ struct surfaces {
 	struct surfaces_cluster *clusters;
 	struct draw_list list;      /* room for all clusters */
 	bool glossy, normal_mapped; /* any of its materials is */
+	uint32_t see_through_root;  /* of the hierarchy of triangles that light passes through; 0: there are none */
 	uint32_t ambient_done;      /* vertices whose share of open sky is known */
 	double bytes;
 };

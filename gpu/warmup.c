@@ -40,6 +40,9 @@ static bool warm_method(struct workspace *ws, const struct welkin_request *reque
 	job.request.atmosphere.method = method;
 	if (!run_job(ws, &job, NULL, 0, err))
 		return false;
+	job.request.image.projection = WELKIN_PERSPECTIVE; /* the rays of other projections come from a list */
+	if (!run_job(ws, &job, NULL, 0, err))
+		return false;
 	job.request.image.format = WELKIN_EXR;
 	job.request.image.layers = WELKIN_LAYER_DEPTH | WELKIN_LAYER_TRANSMITTANCE | WELKIN_LAYER_INSCATTER;
 	if (!run_job(ws, &job, NULL, 0, err))

@@ -67,12 +67,16 @@ bool workspace_reserve_raster(struct workspace *ws, int width, int height, struc
 
 void workspace_finish(struct workspace *ws)
 {
-	struct buffer *buffers[] = { &ws->surface, &ws->groups, &ws->rays, &ws->radiance, &ws->inscatter,
+	struct buffer *buffers[] = { &ws->surface, &ws->groups, &ws->ridges, &ws->rays, &ws->radiance, &ws->inscatter,
 		&ws->transmittance, &ws->output, &ws->counters, &ws->cloud_light, &ws->cloud_place, &ws->cloud_layer,
 		&ws->cloud_lattice, &ws->cloud_list, &ws->cloud_shade, &ws->meter, &ws->samples, &ws->sample_layers,
 		&ws->sample_transmittance, &ws->paths, &ws->directions, &ws->spectral_L, &ws->spectral_T };
 	for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
 		workspace_release(buffers[i]);
+	for (int i = 0; i < SEE_THROUGH_LAYERS; i++) {
+		workspace_release(&ws->layers[i]);
+		workspace_release(&ws->layer_groups[i]);
+	}
 	cloud_histories_destroy(ws->histories);
 	release_raster(&ws->raster);
 	scene_store_finish(&ws->scenes);

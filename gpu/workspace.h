@@ -54,6 +54,8 @@ struct workspace {
 	struct buffer cloud_light, cloud_place, cloud_layer;    /* device only */
 	struct buffer cloud_lattice, cloud_list, cloud_shade;   /* device only */
 	struct buffer surface, groups; /* device only: records of the strip's pixels; their lists */
+	struct buffer ridges;          /* device only: BIND_RIDGES */
+	struct buffer layers[SEE_THROUGH_LAYERS], layer_groups[SEE_THROUGH_LAYERS]; /* the same of what stands before */
 	struct raster raster;
 	struct buffer meter;                              /* mapped */
 	struct buffer samples, sample_layers;             /* mapped; progressive methods */

@@ -143,6 +143,8 @@ static bool read_statement(struct text_reader *r, struct span word, struct obj_m
 		return read_opacity(r, span_is(word, "Tr"), &m->values.opacity, err);
 	if (span_is(word, "map_Kd"))
 		return read_map(r, TEXTURE_COLOUR, &m->albedo, err);
+	if (span_is(word, "map_d"))
+		return read_map(r, TEXTURE_NUMBERS, &m->opacity, err);
 	if (span_is(word, "norm") || span_is(word, "map_Kn"))
 		return read_map(r, TEXTURE_NORMALS, &m->normals, err);
 	if (span_is(word, "map_Bump") || span_is(word, "map_bump") || span_is(word, "bump"))
@@ -161,8 +163,8 @@ bool obj_materials_read(struct obj_materials *materials, const struct scene_file
 		return false;
 	while (text_next_line(&r)) {
 		const struct span word = text_word(&r);
-		static const char *const needs_one[] = { "Ka", "Kd", "Ks", "Ns", "d", "Tr", "map_Kd", "norm", "map_Kn",
-			"map_Bump", "map_bump", "bump", NULL };
+		static const char *const needs_one[] = { "Ka", "Kd", "Ks", "Ns", "d", "Tr", "map_Kd", "map_d", "norm",
+			"map_Kn", "map_Bump", "map_bump", "bump", NULL };
 		if (span_is(word, "newmtl")) {
 			current = obj_materials_get(materials, text_rest(&r), err);
 			if (current < 0)
@@ -194,8 +196,16 @@ bool obj_materials_add(const struct obj_materials *materials, size_t index, cons
 {
 	const struct obj_material *from = &materials->list[index];
 	struct mesh_material values = from->values;
-	if (!add_map(files, &from->albedo, &values.albedo_texture, build, err) ||
-		!add_map(files, &from->normals, &values.normal_texture, build, err))
+	if (from->opacity.name[0]) {
+		values.alpha = 1;
+		values.albedo_texture =
+			scene_png_with_opacity(files, from->albedo.name, from->opacity.name, build, err);
+		if (values.albedo_texture < 0)
+			return false;
+	} else if (!add_map(files, &from->albedo, &values.albedo_texture, build, err)) {
+		return false;
+	}
+	if (!add_map(files, &from->normals, &values.normal_texture, build, err))
 		return false;
 	const int at = mesh_build_material(build, &values, err);
 	if (at >= 0 && at < SCENE_MATERIALS_LISTED)

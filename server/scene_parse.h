@@ -55,6 +55,10 @@ enum texture_use { TEXTURE_COLOUR, TEXTURE_NORMALS, TEXTURE_BUMPS, TEXTURE_NUMBE
  * normals; what has colours counts as normals. */
 int scene_png_texture(const struct scene_files *files, const char *name, enum texture_use use, double bump_scale,
 	struct mesh_build *build, struct error *err);
+/* Colours with the opacity of another PNG as their alpha: its own alpha where it has any, else its grey. colours "":
+ * white. */
+int scene_png_with_opacity(const struct scene_files *files, const char *colours, const char *opacity,
+	struct mesh_build *build, struct error *err);
 /* 16-bit grey samples, malloc'd. */
 uint16_t *scene_png_heights(
 	const struct scene_file *file, uint32_t max_side, uint32_t *width, uint32_t *height, struct error *err);

@@ -179,3 +179,68 @@ int scene_png_texture(const struct scene_files *files, const char *name, enum te
 	texture.pixels = p.pixels;
 	return mesh_build_texture(build, &texture, err);
 }
+
+static bool has_alpha(const struct picture *p)
+{
+	for (size_t i = 0; i < (size_t)p->width * p->height; i++)
+		if (p->pixels[4 * i + 3] != 255)
+			return true;
+	return false;
+}
+
+/* At the size of the larger one, so that a cut-out keeps its edge. */
+static unsigned char *merge(
+	const struct picture *colours, const struct picture *opacity, uint32_t width, uint32_t height)
+{
+	unsigned char *out = malloc((size_t)width * height * 4);
+	const size_t channel = has_alpha(opacity) ? 3 : 0;
+	for (uint32_t y = 0; out && y < height; y++)
+		for (uint32_t x = 0; x < width; x++) {
+			unsigned char *to = out + ((size_t)y * width + x) * 4;
+			const size_t ox = (uint64_t)x * opacity->width / width,
+				     oy = (uint64_t)y * opacity->height / height;
+			memset(to, 255, 3);
+			if (colours->pixels) {
+				const size_t cx = (uint64_t)x * colours->width / width,
+					     cy = (uint64_t)y * colours->height / height;
+				memcpy(to, colours->pixels + (cy * colours->width + cx) * 4, 3);
+			}
+			to[3] = opacity->pixels[(oy * opacity->width + ox) * 4 + channel];
+		}
+	return out;
+}
+
+static bool read_named(
+	const struct scene_files *files, const char *name, uint32_t max_side, struct picture *p, struct error *err)
+{
+	const struct scene_file *file = scene_files_find(files, name);
+	return file ? read_picture(file, max_side, max_side, false, p, err)
+		    : error_set(err, "the texture %.150s is missing", name);
+}
+
+int scene_png_with_opacity(const struct scene_files *files, const char *colours, const char *opacity,
+	struct mesh_build *build, struct error *err)
+{
+	const uint32_t most = build->limits.max_texture;
+	struct picture color = { 0 }, alpha = { 0 };
+	struct build_texture texture = { .srgb = 1 };
+	snprintf(texture.name, sizeof texture.name, "%.120s|%.120s|opacity", colours, opacity);
+	const int known = mesh_build_find_texture(build, texture.name, texture.srgb);
+	if (known >= 0)
+		return known;
+	if ((colours[0] && !read_named(files, colours, most, &color, err)) ||
+		!read_named(files, opacity, most, &alpha, err)) {
+		free(color.pixels);
+		return -1;
+	}
+	texture.width = color.width > alpha.width ? color.width : alpha.width;
+	texture.height = color.height > alpha.height ? color.height : alpha.height;
+	texture.pixels = merge(&color, &alpha, texture.width, texture.height);
+	free(color.pixels);
+	free(alpha.pixels);
+	if (!texture.pixels) {
+		error_set(err, "no memory for the texture %.150s", opacity);
+		return -1;
+	}
+	return mesh_build_texture(build, &texture, err);
+}

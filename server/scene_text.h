@@ -49,7 +49,7 @@ struct material_texture {
 struct obj_material {
 	char name[64];
 	struct mesh_material values;
-	struct material_texture albedo, normals;
+	struct material_texture albedo, normals, opacity;
 	int32_t next; /* in the same bucket */
 };
 

@@ -59,13 +59,13 @@ bool bvh_triangle(Triangle tri, vec3 origin, vec3 d, inout float t)
 int bvh_visits = 0;
 #endif
 
-/* The nearest triangle in (0, t), or -1; any: one of them. */
-int bvh_trace(vec3 origin, vec3 d, inout float t, bool any_will_do)
+/* The nearest triangle in (0, t) below that node, or -1; any: one of them. */
+int bvh_trace_from(int root, vec3 origin, vec3 d, inout float t, bool any_will_do)
 {
 	vec3 inverse = 1.0 / mix(d, vec3(1e-20), lessThan(abs(d), vec3(1e-20)));
 	int stack[BVH_STACK];
 	int top = 1, hit = -1;
-	stack[0] = 0;
+	stack[0] = root;
 	while (top > 0) {
 #ifdef CLOUDS
 		bvh_visits++;
@@ -94,6 +94,12 @@ int bvh_trace(vec3 origin, vec3 d, inout float t, bool any_will_do)
 			break;
 	}
 	return hit;
+}
+
+/* Of those that no light passes through. */
+int bvh_trace(vec3 origin, vec3 d, inout float t, bool any_will_do)
+{
+	return bvh_trace_from(0, origin, d, t, any_will_do);
 }
 
 vec3 to_mesh(vec3 v)

@@ -5,6 +5,9 @@
 #include "shared.h"
 
 /* Chosen when the program is built, where the renderer does so. */
+#ifdef PINHOLE
+#define PROJECTION PROJECTION_PERSPECTIVE
+#endif
 #ifndef PROJECTION
 #define PROJECTION frame.projection
 #endif

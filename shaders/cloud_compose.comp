@@ -22,7 +22,6 @@
 #endif
 
 layout(local_size_x = WORKGROUP_LINE) in;
-layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BATCH) uniform int batch;
 #if SHADE == SHADE_OF_RAYS
 layout(location = LOCATION_SAMPLES) uniform ivec4 samples; /* x: 0 for the corners of the lattice's cells, 1 for the pixels listed */

@@ -9,7 +9,6 @@
 #include "colour.glsl"
 
 layout(local_size_x = WORKGROUP_LINE) in;
-layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(std430, binding = BIND_CLOUD_SHADE) writeonly buffer Shade { vec4 shade[]; };
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(binding = UNIT_CLOUD_LIGHT_OF_RAYS) uniform samplerBuffer cloud_light_texels;

@@ -16,7 +16,6 @@
 #endif
 
 layout(local_size_x = WORKGROUP_LINE) in;
-layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
 #if RAYS != CLOUD_RAYS_GIVEN

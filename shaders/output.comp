@@ -16,11 +16,13 @@ layout(local_size_x = WORKGROUP_X, local_size_y = WORKGROUP_Y) in;
 layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_PLANES) uniform ivec4 planes;
 layout(location = LOCATION_WHITE) uniform vec4 white;
-layout(std430, binding = BIND_RADIANCE) readonly buffer Radiance { vec4 radiance[]; };
+layout(binding = UNIT_RADIANCE) uniform samplerBuffer radiance_texels;
 layout(std430, binding = BIND_INSCATTER) readonly buffer Inscatter { vec4 inscatter[]; };
 layout(std430, binding = BIND_TRANSMITTANCE) readonly buffer Transmittance { vec4 transmittance[]; };
 layout(std430, binding = BIND_CLOUD_LAYER) readonly buffer CloudLayer { vec4 cloud_layer[]; };
 layout(std430, binding = BIND_OUTPUT) writeonly buffer Output { uint result[]; };
+layout(std430, binding = BIND_OUTPUT) writeonly buffer Output2 { uvec2 result_pair[]; }; /* the same */
+layout(std430, binding = BIND_OUTPUT) writeonly buffer Output4 { uvec4 result_four[]; };
 layout(std430, binding = BIND_COUNTERS) buffer Counters { uint nonfinite; };
 
 const float HALF_MAX = 65504.0;
@@ -65,16 +67,13 @@ uvec4 quantized(vec4 encoded, float top, ivec2 pixel)
 void write_main(int i, ivec2 pixel, vec4 color)
 {
 	if (FORMAT == OUTPUT_FLOAT) {
-		for (int k = 0; k < 4; k++)
-			result[4 * i + k] = floatBitsToUint(color[k]);
+		result_four[i] = floatBitsToUint(color);
 	} else if (FORMAT == OUTPUT_HALF) {
 		vec4 c = min(color, HALF_MAX);
-		result[2 * i] = packHalf2x16(c.rg);
-		result[2 * i + 1] = packHalf2x16(c.ba);
+		result_pair[i] = uvec2(packHalf2x16(c.rg), packHalf2x16(c.ba));
 	} else if (FORMAT == OUTPUT_RGBA16) {
 		uvec4 q = quantized(vec4(display(color.rgb), color.a), 65535.0, pixel);
-		result[2 * i] = q.r | q.g << 16u;
-		result[2 * i + 1] = q.b | q.a << 16u;
+		result_pair[i] = uvec2(q.r | q.g << 16u, q.b | q.a << 16u);
 	} else {
 		uvec4 q = quantized(vec4(display(color.rgb), color.a), 255.0, pixel);
 		result[i] = q.r | q.g << 8u | q.b << 16u | q.a << 24u;
@@ -100,7 +99,7 @@ void main()
 	if (any(greaterThanEqual(at, tile.zw)))
 		return;
 	int i = at.y * tile.z + at.x;
-	vec4 light = radiance[i];
+	vec4 light = texelFetch(radiance_texels, i);
 	bool mended = broken(light);
 	if (mended)
 		light = vec4(0.0);

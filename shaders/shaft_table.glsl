@@ -1,5 +1,5 @@
 /* Reading the table of shafts (shafts.glsl). */
-#include "shafts.glsl"
+#include "shaft_axes.glsl"
 
 layout(binding = UNIT_SHAFTS) uniform sampler3D shafts_table;
 

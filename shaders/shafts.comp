@@ -6,7 +6,8 @@
 #define EPIPOLAR 0
 #endif
 
-/* Likewise: of what the scene covers of a pixel, or of the sky or ground behind. From the table surfaces.comp does the former. */
+/* Likewise: of what the scene covers of a pixel, or of the sky or ground behind. From the table surfaces.comp does the former, and
+ * the sky's kernel the latter where there are no clouds. */
 #ifndef BEHIND
 #define BEHIND 0
 #endif
@@ -21,29 +22,6 @@
 layout(std430, binding = BIND_CLOUD_LIGHT) readonly buffer CloudsBefore { vec4 cloud_light[]; }; /* as cloud_compose.comp reads them */
 layout(std430, binding = BIND_CLOUD_PLACE) readonly buffer CloudsPlace { vec4 cloud_place[]; };
 #endif
-
-const int SOURCE_EVERY = 8; /* samples of the shadow for one of the light: that varies slowly */
-
-/* Following the ray up to distance `end`. */
-vec4 lost_by_march(ShaftRay ray, float end)
-{
-	vec2 way = shaft_interval(ray, max(ray.entered, 0.0), min(end, ray.top));
-	vec4 lost = vec4(0.0);
-	if (ray.entered < 0.0 || way.y <= way.x)
-		return lost;
-	vec3 column = shaft_column(ray, max(ray.entered, 0.0), way.x, 6);
-	int pieces = max(surfaces.shaft_steps / SOURCE_EVERY, 1);
-	float dt = (way.y - way.x) / float(pieces);
-	for (int i = 0; i < pieces; i++) {
-		float from = way.x + float(i) * dt;
-		int shadowed = 0;
-		for (int k = 0; k < SOURCE_EVERY; k++)
-			shadowed += shaft_shadowed(ray, from + (float(k) + 0.5) * dt / float(SOURCE_EVERY)) ? 1 : 0;
-		vec4 source = shaft_source(ray, from + 0.5 * dt, dt, column);
-		lost += source * (dt * float(shadowed) / float(SOURCE_EVERY));
-	}
-	return lost;
-}
 
 vec4 lost_up_to(vec3 d, ShaftRay ray, float end)
 {

@@ -11,6 +11,7 @@
  */
 #include "multiple_table.glsl"
 #include "shadow.glsl"
+#include "shaft_axes.glsl"
 /* CLOUDS, chosen when the program is built: what they shade, the scene can't shade again. */
 #ifdef CLOUDS
 #include "cloud_shadow.glsl"
@@ -24,12 +25,6 @@
 vec4 shaft_depth(vec3 column)
 {
 	return SCALED != 0 ? scaled_depth(column) : optical_depth(column);
-}
-
-/* The coarsest cascade, which holds all the others. */
-int shaft_row()
-{
-	return 3 * (surfaces.shadow_cascades - 1);
 }
 
 struct ShaftRay {
@@ -128,46 +123,27 @@ bool shaft_shadowed(ShaftRay ray, float t)
 	return textureLod(shadow_depth, vec3(at.xy, float(surfaces.shadow_cascades - 1)), 0.0).r < min(at.z, 1.0);
 }
 
-/* ---- the table's axes ---- */
+const int SOURCE_EVERY = 8; /* samples of the shadow for one of the light: that varies slowly */
 
-vec3 light_axis(int row)
+/* Following the ray up to distance `end`. */
+vec4 lost_by_march(ShaftRay ray, float end)
 {
-	return normalize(surfaces.shadow_row[shaft_row() + row].xyz);
-}
-
-/* Chord of the angle from the sun, and angle of the plane. */
-vec2 shaft_angles(vec3 d)
-{
-	vec2 across = vec2(dot(d, light_axis(0)), dot(d, light_axis(1)));
-	float phi = dot(across, across) > 1e-14 ? atan(across.y, across.x) - surfaces.shaft_phi : 0.0;
-	phi -= 2.0 * PI * round(phi / (2.0 * PI));
-	return vec2(distance(d, frame.sun_direction.xyz), phi);
-}
-
-/* Cosine and sine of the angle that has this chord. */
-vec2 shaft_turn(float chord)
-{
-	return vec2(1.0 - 0.5 * chord * chord, chord * sqrt(max(1.0 - 0.25 * chord * chord, 0.0)));
-}
-
-vec3 shaft_direction(vec2 angles)
-{
-	float phi = angles.y + surfaces.shaft_phi;
-	vec2 turn = shaft_turn(angles.x);
-	return normalize(frame.sun_direction.xyz * turn.x + (light_axis(0) * cos(phi) + light_axis(1) * sin(phi)) * turn.y);
-}
-
-/* Distances are dense near the camera. */
-float shaft_distance(float k)
-{
-	float x = k / float(SHAFT_DISTANCES);
-	return mix(surfaces.shaft_reach.x, surfaces.shaft_reach.y, surfaces.shaft_reach.x > 0.0 ? x : x * x);
-}
-
-float shaft_slice(float t)
-{
-	float x = clamp((t - surfaces.shaft_reach.x) / (surfaces.shaft_reach.y - surfaces.shaft_reach.x), 0.0, 1.0);
-	return (surfaces.shaft_reach.x > 0.0 ? x : sqrt(x)) * float(SHAFT_DISTANCES);
+	vec2 way = shaft_interval(ray, max(ray.entered, 0.0), min(end, ray.top));
+	vec4 lost = vec4(0.0);
+	if (ray.entered < 0.0 || way.y <= way.x)
+		return lost;
+	vec3 column = shaft_column(ray, max(ray.entered, 0.0), way.x, 6);
+	int pieces = max(surfaces.shaft_steps / SOURCE_EVERY, 1);
+	float dt = (way.y - way.x) / float(pieces);
+	for (int i = 0; i < pieces; i++) {
+		float from = way.x + float(i) * dt;
+		int shadowed = 0;
+		for (int k = 0; k < SOURCE_EVERY; k++)
+			shadowed += shaft_shadowed(ray, from + (float(k) + 0.5) * dt / float(SOURCE_EVERY)) ? 1 : 0;
+		vec4 source = shaft_source(ray, from + 0.5 * dt, dt, column);
+		lost += source * (dt * float(shadowed) / float(SOURCE_EVERY));
+	}
+	return lost;
 }
 
 /* The stretch of a plane's line that lies on the map: m across the sun's direction, from the camera. */

@@ -54,6 +54,8 @@ typedef unsigned int uint;
 #define BIND_TRIANGLES 11     /* in the order of the nodes' leaves */
 #define BIND_VERTICES 12     /* of the placed mesh, VERTEX_FLOATS each */
 #define BIND_MATERIALS 13
+#define BIND_RIDGES 0        /* kernel that gathers records: workgroups along x, y, z, how many entries; then for each a record of the other side of a ridge that crosses a pixel, as BIND_SURFACES, and the pixel; surfaces_gather.comp */
+#define BIND_LAYER 0         /* kernel of see-through surfaces: records of a layer of them, as BIND_SURFACES */
 #define BIND_AMBIENT 14      /* float per vertex: share of the sky above it that is open */
 
 /* Texture units; a method's tables sit at fixed units so that programs need no set-up. */
@@ -121,8 +123,9 @@ typedef unsigned int uint;
 #define UNIT_CLOUD_LIGHT_OF_RAYS 38
 #define UNIT_CLOUD_PLACE 39
 
+#define UNIT_RASTER_DEPTH 40  /* of the samples of UNIT_RASTER: near over distance */
 #define UNIT_CLOUD_SUN 34     /* optical depth of clouds to the sun; cloud_sun.glsl */
-#define UNIT_CLOUD_AROUND 35  /* what clouds do to the light around them; cloud_shadow.glsl */
+#define UNIT_CLOUD_AROUND 41  /* what clouds do to the light around them; cloud_shadow.glsl */
 
 /* Layers of that table for each level of the grids. */
 #define CLOUD_AROUND_LIT 0
@@ -136,14 +139,15 @@ typedef unsigned int uint;
 #define VERTEX_FLOATS 8
 #define VERTEX_BITS 24       /* of a triangle's corner, the rest of its word is a third of the material */
 #define SHADOW_CASCADES 4
+#define SEE_THROUGH_LAYERS 4 /* of see-through surfaces that a pixel shows, one behind the other; surfaces_layer.comp */
 
 /* Samples of the shafts' table: angle from the sun, planes through it, distances; depths along a plane, whose minima and
  * maxima go up to blocks of 2^SHAFT_LEVELS. */
-#define SHAFT_ANGLES 96
-#define SHAFT_PLANES 192
+#define SHAFT_ANGLES 64
+#define SHAFT_PLANES 160
 #define SHAFT_DISTANCES 32
-#define SHAFT_DEPTHS 1024
-#define SHAFT_LEVELS 5
+#define SHAFT_DEPTHS 512
+#define SHAFT_LEVELS 4
 
 /* Samples of the four-dimensional scattering table: the sun's angle, the view's zenith angle (above and below the
  * horizon), the angle between their azimuths, altitude. */
@@ -403,6 +407,8 @@ WELKIN_BLOCK(SurfacesBlock, BIND_SURFACES_BLOCK)
 	float shaft_phi;       /* rad: middle of the planes through the sun that the view has */
 	vec4 shaft_range;      /* chord of the angle from the sun, from and to; angle of the plane about shaft_phi, from and to, rad */
 	vec4 shaft_reach;      /* m from the camera, from and to: where the mesh can throw shadows */
+	int see_through_root;  /* node of the hierarchy above the triangles that light passes through; 0: there are none */
+	int reserved1, reserved2, reserved3;
 WELKIN_BLOCK_END(surfaces)
 
 /* The sky of method fitted for a batch; gpu/fitted.h. */

@@ -4,6 +4,7 @@
  * from rays.comp or from a radiance job; the sun's disk is added by sun_disk.comp.
  */
 #include "sky_output.glsl"
+#include "shaft_table.glsl"
 
 /* A ray from the camera; the camera is at the same place for all of them. */
 struct Ray {
@@ -42,6 +43,15 @@ vec4 method_color(Ray ray);
 /* How many invocations share a ray, each with a result of its own; a method of random samples says more. */
 #ifndef RAY_SHARE
 #define RAY_SHARE 1
+#endif
+
+/* SHAFTS, chosen when the program is built: the scene's shadow takes light from the air before sky and ground, as the table says. */
+#ifdef SHAFTS
+vec4 lost_to_shadow(Ray ray)
+{
+	float ground = ray_ground_distance(ray.h, ray.mu);
+	return shaft_lost(ray.d, shaft_slice(ground >= 0.0 ? ground : 1e9));
+}
 #endif
 
 /* Replies the bands as they are, the disk included where the direction is within it: by the
@@ -125,6 +135,9 @@ vec4 pixel_color(Ray ray)
 	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
 		color += method_color(look(ray, looks, k)) * look_share(looks, k);
 	} while (++k < looks.count);
+#ifdef SHAFTS
+	color.rgb -= to_rgb(lost_to_shadow(ray));
+#endif
 	return color;
 }
 #elif !defined(SEVERAL_DISPATCHES)
@@ -143,6 +156,9 @@ void pixel_sky(Ray ray, out vec4 L, out vec4 T)
 		reflected += share * ground_reflected;
 	} while (++k < looks.count);
 	ground_reflected = reflected;
+#ifdef SHAFTS
+	L = max(L - lost_to_shadow(ray), 0.0);
+#endif
 }
 #endif
 

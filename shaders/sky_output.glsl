@@ -8,7 +8,6 @@ layout(local_size_x = WORKGROUP_LINE / 2) in;
 #else
 layout(local_size_x = WORKGROUP_LINE) in;
 #endif
-layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BATCH) uniform int batch;
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_INSCATTER) buffer Inscatter { vec4 inscatter[]; };
@@ -67,4 +66,21 @@ void add_surface(int i, float t, float coverage, vec4 air, vec4 L, float through
 	radiance[i] = vec4(begun.rgb + to_rgb(seen), begun.a);
 	if (WANTED(FEATURE_LAYERS) != 0)
 		inscatter[i] = vec4(inscatter[i].rgb + coverage * to_rgb(air), t);
+}
+
+/* Puts a see-through surface before what a pixel shows, which is all there. */
+void add_layer(int i, float opacity, vec4 air, vec4 L)
+{
+	bool spectral = WANTED(FEATURE_SPECTRAL) != 0;
+	float open = spectral || batch == 0 ? 1.0 - opacity : 1.0;
+	if (spectral) {
+		radiance[i] = radiance_before(i) * open + opacity * (air + L);
+		transmittance[i] *= open;
+		return;
+	}
+	radiance[i] = radiance_before(i) * open + vec4(opacity * to_rgb(air + L), 0.0);
+	if (WANTED(FEATURE_LAYERS | FEATURE_SUN_DISK) != 0)
+		transmittance[i] *= open;
+	if (WANTED(FEATURE_LAYERS) != 0)
+		inscatter[i].rgb = inscatter[i].rgb * open + opacity * to_rgb(air);
 }

@@ -3,7 +3,6 @@
 #include "sun_disk.glsl"
 
 layout(local_size_x = WORKGROUP_X, local_size_y = WORKGROUP_Y) in;
-layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BOX) uniform ivec4 box;
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 layout(std430, binding = BIND_TRANSMITTANCE) readonly buffer Transmittance { vec4 transmittance[]; };

@@ -66,16 +66,17 @@ Surface surface_hit(Triangle tri, vec3 from, vec3 d_world, float angle)
 	vec3 along_u = (e1 * d2.y - e2 * d1.y) * side, along_v = (e2 * d1.x - e1 * d2.x) * side;
 	Material m = material_at(triangle_material(tri));
 	const vec2 rows = vec2(1.0, -1.0); /* of textures start at the top */
-	vec3 color = textureGrad(albedo_textures, texture_at(uv, max(m.textures.x, 0)), gx * rows, gy * rows).rgb;
+	vec4 color = textureGrad(albedo_textures, texture_at(uv, max(m.textures.x, 0)), gx * rows, gy * rows);
 #if NORMAL_MAPS
 	vec3 texel = textureGrad(normal_textures, texture_at(uv, max(m.textures.y, 0)), gx * rows, gy * rows).xyz;
 	normal = m.textures.y >= 0 ? mapped_normal(texel, normal, along_u, along_v) : normal;
 #endif
 	s.normal = mesh_to_world(normal);
 	s.face = mesh_to_world(unit);
-	s.albedo = m.diffuse.rgb * (m.textures.x >= 0 ? color : vec3(1.0));
+	s.albedo = m.diffuse.rgb * (m.textures.x >= 0 ? color.rgb : vec3(1.0));
 	s.open = dot(weights, vec3(vertex_open(v.x), vertex_open(v.y), vertex_open(v.z)));
 	s.material = triangle_material(tri);
 	s.coverage = 1.0;
+	s.opacity = m.specular.w * (m.ambient.w > 0.0 ? color.a : 1.0);
 	return s;
 }

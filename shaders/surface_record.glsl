@@ -15,14 +15,6 @@ uvec4 surface_of(int i)
 	return texelFetch(surface_texels, i);
 }
 
-/* Column and row of pixel i of a strip. Its pixels are fewer than 2^22, so that floats tell them apart; whole numbers can't be
- * divided but one by one on a software device. */
-ivec2 strip_place(int i, int width)
-{
-	int row = int((float(i) + 0.5) / float(width));
-	return ivec2(i - row * width, row);
-}
-
 struct Surface {
 	float t;
 	vec3 normal, face; /* both on the viewer's side of the triangle */
@@ -30,10 +22,11 @@ struct Surface {
 	float open;        /* share of the sky above that nothing hides */
 	int material;
 	float coverage;    /* of the pixel */
+	float opacity;
 };
 
 struct Material {
-	vec4 diffuse, specular, ambient; /* w: shininess; opacity; 0 */
+	vec4 diffuse, specular, ambient; /* w: shininess; opacity; 1 where the colours' alpha is a part of it */
 	ivec4 textures;                  /* layers of colour and normal map; -1: none */
 };
 
@@ -73,6 +66,22 @@ Surface surface_unpack(uvec4 r)
 	s.face = from_octahedral(vec2(bitfieldExtract(int(r.w), 0, 8), bitfieldExtract(int(r.w), 8, 8)) / 127.0);
 	s.material = int(r.w >> 16u & 0xfffu);
 	s.coverage = r.x == 0u ? 0.0 : float((r.w >> 28u & 3u) + 1u) / float(RASTER_SAMPLES);
+	s.opacity = 1.0;
+	return s;
+}
+
+/* Of a see-through surface the triangle's normal gives way to the opacity (16 bits). */
+uvec4 layer_pack(Surface s)
+{
+	uvec4 r = surface_pack(s);
+	return uvec4(r.xyz, (r.w & 0xffff0000u) | uint(s.opacity * 65535.0 + 0.5));
+}
+
+Surface layer_unpack(uvec4 r)
+{
+	Surface s = surface_unpack(r);
+	s.face = s.normal;
+	s.opacity = float(r.w & 0xffffu) / 65535.0;
 	return s;
 }
 

@@ -62,15 +62,18 @@ vec3 specular_brdf(Material m, Lighting light)
 /*
  * Radiance towards the viewer; MATTE, chosen when the program is built: no material has a highlight. The table's light from below is that of endless level ground; around a surface of the scene there
  * is more of the scene. So what the surface sees below the horizon, and what hides the sky from it, are taken to be of its own colour
- * and lit or shadowed like it; of what stands up against the sky half is lit.
+ * and lit or shadowed like it, under no more open sky, with light between them to and fro; of what stands up against the sky half is
+ * lit, and of what lies below as much as the sky is open. Without these shares of the sky, walls of the built-in city in the sun at 45
+ * degrees were 8 to 15 % brighter than by paths, with them 0 to 8 %.
  */
 vec4 shade_physical(Material m, vec3 albedo, Lighting light)
 {
 	vec4 rho = spectral_albedo(albedo), level_sun = light.level_sun * light.sun;
 	float nl = max(dot(light.n, light.l), 0.0), below = 0.5 - 0.5 * clamp(light.rise, -1.0, 1.0);
 	vec4 from_above = max(light.sky - below * bands.ground_albedo * (light.level_sky + level_sun), 0.0);
-	vec4 from_below = below * rho * (light.level_sky + light.lit * level_sun);
-	vec4 hidden = (1.0 - below) * rho * (light.level_sky + 0.5 * light.lit * level_sun);
+	vec4 around = rho * light.open / (1.0 - rho * (1.0 - light.open));
+	vec4 from_below = below * around * (light.level_sky + light.open * light.lit * level_sun);
+	vec4 hidden = (1.0 - below) * around * (light.level_sky + 0.5 * light.lit * level_sun);
 	vec4 E = mix(hidden, from_above, light.open) + from_below, direct = light.sun * (light.lit * nl);
 #ifdef MATTE
 	return rho * (E + direct) / PI;

@@ -4,7 +4,6 @@
 #include "surface_ground.glsl"
 
 layout(local_size_x = WORKGROUP_LINE) in;
-layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(std430, binding = BIND_SURFACES) writeonly buffer Surfaces { uvec4 surface[]; };
 
 void main()

@@ -1,50 +1,69 @@
 /*
  * Which groups of WORKGROUP_LINE pixels show the scene, and which show sky. One invocation a group.
  */
+#include "strip.glsl"
 #include "surface_record.glsl"
 #include "surface_groups.glsl"
 
-/* Chosen when the program is built: from the samples that were drawn, before they are gathered, which lists groups too where ground
- * hides what they show (surfaces_gather.comp); else from the records. */
+/* Chosen when the program is built: from the samples that were drawn, before they are gathered. Where the first sample of
+ * every pixel shows the scene, the others are left to those who gather them, who list the group with the sky as well where they
+ * find any (surfaces_gather.comp). Else from the records. */
 #ifndef DRAWN
 #define DRAWN 0
 #endif
 
 layout(local_size_x = WORKGROUP_LINE / 8) in; /* there are few, each with as many pixels to look at */
-layout(location = LOCATION_TILE) uniform ivec4 tile;
 layout(location = LOCATION_BOX) uniform ivec4 box; /* of the image, what is drawn */
 layout(binding = UNIT_RASTER) uniform usampler2DMS raster;
 
+struct Shown {
+	bool all, any;
+};
+
 #if DRAWN
-float covered(int i)
+bool drawn(int i, int sample_)
 {
-	ivec2 at = strip_place(i, tile.z) + tile.xy - box.xy;
-	int samples = 0;
-	for (int k = 0; k < RASTER_SAMPLES; k++)
-		samples += texelFetch(raster, at, k).r != 0u ? 1 : 0;
-	return float(samples) / float(RASTER_SAMPLES);
+	return texelFetch(raster, strip_place(i, tile.z) + tile.xy - box.xy, sample_).r != 0u;
+}
+
+Shown shown(int first, int end)
+{
+	Shown s = Shown(true, false);
+	int i = first;
+	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
+		bool first_sample = drawn(i, 0);
+		s.all = s.all && first_sample;
+		s.any = s.any || first_sample;
+	} while (++i < end && s.all != s.any);
+	i = first;
+	do
+		s.any = s.any || drawn(i, 1) || drawn(i, 2) || drawn(i, 3);
+	while (++i < end && !s.any);
+	return s;
 }
 #else
-float covered(int i)
+Shown shown(int first, int end)
 {
-	return surface_coverage(surface_of(i));
+	Shown s = Shown(true, false);
+	int i = first;
+	do {
+		float share = surface_coverage(surface_of(i));
+		s.all = s.all && share == 1.0;
+		s.any = s.any || share > 0.0;
+	} while (++i < end && (s.all || !s.any));
+	return s;
 }
 #endif
 
 void main()
 {
 	int group = int(gl_GlobalInvocationID.x), first = group * WORKGROUP_LINE;
-	int end = min(first + WORKGROUP_LINE, tile.z * tile.w), i = first;
+	int end = min(first + WORKGROUP_LINE, tile.z * tile.w);
 	if (first >= end)
 		return;
-	float least = 1.0, most = 0.0;
-	do {
-		float share = covered(i);
-		least = min(least, share);
-		most = max(most, share);
-	} while (++i < end && (most == 0.0 || least == 1.0));
-	if (most > 0.0)
-		list_group(GROUPS_SURFACES, least < 1.0 ? uint(group) : uint(group) | GROUPS_FILLED);
-	if (least < 1.0)
+	Shown s = shown(first, end);
+	if (s.any)
+		list_group(GROUPS_SURFACES, s.all ? uint(group) | GROUPS_FILLED : uint(group));
+	if (!s.all)
 		list_group(GROUPS_SKY, uint(group));
 }

@@ -15,7 +15,7 @@ static uint64_t rounded(uint64_t size)
 	return (size + 7) / 8 * 8;
 }
 
-/* A block with room for all that; one part, one material. */
+/* A block with room for all that; one part, one material, and room for one more. */
 static struct mesh_header *allocate(
 	uint32_t n_vertices, uint32_t n_indices, uint32_t n_textures, uint64_t pixels, const char *key)
 {
@@ -31,8 +31,8 @@ static struct mesh_header *allocate(
 	h.vertices = rounded(sizeof h);
 	h.indices = rounded(h.vertices + n_vertices * sizeof(struct mesh_vertex));
 	h.parts = rounded(h.indices + n_indices * sizeof(uint32_t));
-	h.materials = rounded(h.parts + sizeof(struct mesh_part));
-	h.textures = rounded(h.materials + sizeof(struct mesh_material));
+	h.materials = rounded(h.parts + 2 * sizeof(struct mesh_part));
+	h.textures = rounded(h.materials + 2 * sizeof(struct mesh_material));
 	h.bytes = rounded(h.textures + n_textures * sizeof(struct mesh_texture)) + rounded(pixels);
 	snprintf(h.key, sizeof h.key, "%s", key);
 	char *block = calloc(1, h.bytes);
@@ -104,6 +104,53 @@ struct mesh_header *lib_terrain_triangles(const float (*corners)[9], uint32_t n,
 	}
 	if (mesh)
 		find_bounds(mesh);
+	return mesh;
+}
+
+static void add_square(struct mesh_header *mesh, uint32_t first, float half, float height)
+{
+	static const float corner[4][2] = { { 0, 0 }, { 1, 0 }, { 1, 1 }, { 0, 1 } };
+	static const uint32_t quad[6] = { 0, 1, 2, 0, 2, 3 };
+	for (uint32_t i = 0; i < 4; i++) {
+		struct mesh_vertex *v = &vertices_of(mesh)[4 * first + i];
+		v->position[0] = (2 * corner[i][0] - 1) * half;
+		v->position[1] = height;
+		v->position[2] = (1 - 2 * corner[i][1]) * half;
+		memcpy(v->uv, corner[i], sizeof v->uv);
+	}
+	for (uint32_t i = 0; i < 6; i++)
+		indices_of(mesh)[6 * first + i] = 4 * first + quad[i];
+}
+
+struct mesh_header *lib_terrain_panes(int panes, float opacity, bool cut_out, const char *key)
+{
+	static const unsigned char halves[16] = { 255, 255, 255, 0, 255, 255, 255, 0, 255, 255, 255, 255, 255, 255, 255,
+		255 };
+	const uint32_t n = 1 + (uint32_t)panes;
+	struct mesh_header *mesh = allocate(4 * n, 6 * n, cut_out, sizeof halves, key);
+	if (!mesh)
+		return NULL;
+	add_square(mesh, 0, 2000, 0);
+	for (uint32_t i = 1; i < n; i++)
+		add_square(mesh, i, 30, 30 + 20 * (float)i);
+	struct mesh_part *parts = (struct mesh_part *)((char *)mesh + mesh->parts);
+	struct mesh_material *materials = (struct mesh_material *)((char *)mesh + mesh->materials);
+	mesh->n_parts = 1 + (panes > 0);
+	mesh->n_materials = 2;
+	parts[0].n_indices = 6;
+	parts[1] = (struct mesh_part){ 6, 6 * (n - 1), 1 };
+	materials[0].albedo_texture = -1;
+	materials[1] = materials[0];
+	materials[1].diffuse[0] = materials[1].diffuse[1] = 0.8f;
+	materials[1].opacity = opacity;
+	if (cut_out) {
+		struct mesh_texture *texture = (struct mesh_texture *)((char *)mesh + mesh->textures);
+		*texture = (struct mesh_texture){ 4, 1, rounded(mesh->textures + sizeof *texture), 1, 0 };
+		memcpy((char *)mesh + texture->pixels, halves, sizeof halves);
+		materials[1].albedo_texture = 0;
+		materials[1].alpha = 1;
+	}
+	find_bounds(mesh);
 	return mesh;
 }
 

@@ -12,6 +12,10 @@ struct mesh_header *lib_terrain_mountain(int n, float side, const char *key);
 /* Any triangles: nine floats each. */
 struct mesh_header *lib_terrain_triangles(const float (*corners)[9], uint32_t n, const char *key);
 
+/* A square of 4 km on the ground, and above its middle, 50 m up and 20 m apart, squares of 60 m of that opacity;
+ * cut_out: their western half is not there, by their texture. */
+struct mesh_header *lib_terrain_panes(int panes, float opacity, bool cut_out, const char *key);
+
 /* ../shared/scenes/fuji, its colours in a texture, or without textures; NULL where it is not. */
 struct mesh_header *lib_terrain_fuji(bool textured, const char *key);
 

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Syntax check of every kernel and of what draws, flattened as the program loader does it: includes once each, then
-# glslangValidator. Kernels that ask for CLOUDS or SHAFTS are checked with them as well. usage: shader_check.sh SHADER_DIR
+# glslangValidator. Kernels that ask for one of these choices are checked with them as well. usage: shader_check.sh SHADER_DIR
 set -eu
 dir=$1
 work=$(mktemp -d)
@@ -32,7 +32,7 @@ check() {
 }
 for kernel in $(cd "$dir" && find . -name '*.comp' -o -name '*.vert' -o -name '*.frag' | sort); do
 	check "$kernel" ""
-	for choice in CLOUDS SHAFTS; do
+	for choice in CLOUDS SHAFTS SEE_THROUGH LAYER RIDGES; do
 		if grep -q "^#ifdef $choice" "$dir/$kernel"; then
 			check "$kernel" "#define $choice 1"
 		fi

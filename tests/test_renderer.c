@@ -71,7 +71,7 @@ static void a_picture(struct lib_renderer *by, const struct welkin_request *r, v
 	struct welkin_result result;
 	assert_true(lib_render(by, r, pixels, &result));
 	assert_true(result.nonfinite == 0 && result.bands == 4 && !(result.expected_error < 0));
-	assert_true(result.render_ms > 0 && result.readback_ms > 0 && result.n_passes >= 3);
+	assert_true(result.render_ms > 0 && result.readback_ms > 0 && result.n_passes >= 2);
 	for (int i = 0; i < result.n_passes; i++)
 		assert_true(result.passes[i].ms > 0 && result.passes[i].ms < 60000);
 }

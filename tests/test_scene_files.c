@@ -219,6 +219,25 @@ static void test_materials(void **state)
 	free(png);
 }
 
+/* map_d becomes the alpha of the colours: its grey, or its own alpha; without colours these are white. */
+static void test_opacity_maps(void **state)
+{
+	(void)state;
+	const unsigned char grey[4] = { 0, 80, 160, 255 };
+	size_t size;
+	unsigned char *png = scene_png(2, 2, 8, 0, grey, &size);
+	struct read r = read_material("newmtl stone\nKd .4 .5 .6\nmap_d -imfchan l t.png\n", png, size);
+	expect_sound(&r, 2);
+	const struct mesh_material *m = &r.build.materials[0];
+	assert_true(m->alpha == 1 && m->opacity == 1 && m->albedo_texture == 0 && r.build.textures[0].srgb);
+	for (int i = 0; i < 4; i++) {
+		const unsigned char white[4] = { 255, 255, 255, grey[i] };
+		assert_memory_equal(r.build.textures[0].pixels + 4 * i, white, 4);
+	}
+	mesh_build_finish(&r.build);
+	free(png);
+}
+
 /* Grey bumps that rise to the east tilt the normal to the west. */
 static void test_bumps_become_normals(void **state)
 {
@@ -516,6 +535,7 @@ int main(void)
 		cmocka_unit_test(test_faults_of_an_obj),
 		cmocka_unit_test(test_limits),
 		cmocka_unit_test(test_materials),
+		cmocka_unit_test(test_opacity_maps),
 		cmocka_unit_test(test_bumps_become_normals),
 		cmocka_unit_test(test_faults_of_materials),
 		cmocka_unit_test(test_height_map),

@@ -303,6 +303,25 @@ static void surfaces_are_opaque(void **state)
 
 /* ---- shadows ---- */
 
+/* May a ridge cross the pixel, which then shows what lies on both sides? The distance leaps there: on one side of the
+ * pixel it changes more than twice as much as on the other. */
+static bool beside_ridge(const struct welkin_request *r, const float *depth, size_t pixel)
+{
+	static const int ways[4][2] = { { 1, 0 }, { 0, 1 }, { 1, 1 }, { 1, -1 } };
+	const int w = r->image.width, h = r->image.height, px = (int)(pixel % (size_t)w), py = (int)(pixel / (size_t)w);
+	for (int i = 0; i < 4; i++) {
+		const int dx = ways[i][0], dy = ways[i][1];
+		if (px < dx || px + dx >= w || py < 1 || py + 1 >= h)
+			return true;
+		const double here = log((double)depth[pixel]);
+		const double a = fabs(log((double)depth[(py + dy) * w + px + dx]) - here),
+			     b = fabs(log((double)depth[(py - dy) * w + px - dx]) - here);
+		if (fmax(a, b) > 0.02 && fmax(a, b) > 2 * fmin(a, b))
+			return true;
+	}
+	return false;
+}
+
 /* Is a shadow's edge within `width` of the pixel's point, by what rays say of the points around? */
 static bool near_edge(
 	const struct welkin_request *r, const float *depth, const signed char *lit, size_t pixel, double width)
@@ -378,7 +397,8 @@ static double shadow_agreement(const struct mesh_header *mesh, const char *key, 
 		if (lit[i] < 0)
 			continue;
 		const bool mapped = luminance(on.rgba[i]) > luminance(off.rgba[i]) * 0.9999;
-		if (mapped != (lit[i] == 1) && near_edge(&r, on.depth, lit, i, width))
+		if (mapped != (lit[i] == 1) &&
+			(near_edge(&r, on.depth, lit, i, width) || beside_ridge(&r, on.depth, i)))
 			continue;
 		n++;
 		agree += mapped == (lit[i] == 1);

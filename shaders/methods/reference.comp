@@ -103,13 +103,16 @@ void sample_sky(Ray ray, out vec4 L, out vec4 T)
 #ifdef SCENE /* paths meet a mesh */
 	start.at = ray.d * entered;
 	float ground = ray_ground_distance(h, mu), far = ground >= 0.0 ? ground : ray_top_distance(h, mu);
-	bool met = scene_meet(start.at, ray.d, ground >= 0.0, far) >= 0;
+	bool met = scene_meet_solid(start.at, ray.d, ground >= 0.0, far) >= 0;
 	if (met)
 		surface_reached = entered + far;
 	T = met ? vec4(0.0) : vec4(1.0);
 	if (!met)
 #endif
 	T = ray_ground_distance(h, mu) >= 0.0 ? vec4(0.0) : exp(-optical_depth(table_column(h, mu)));
+#if defined(SCENE) && defined(SEE_THROUGH)
+	T *= see_through_share(scene_origin(start.at), to_mesh(ray.d));
+#endif
 	int index = int(gl_GlobalInvocationID.x), group = samples.x + index % samples.y;
 	uvec2 pixel = uvec2(tile.x + (index / samples.y) % tile.z, tile.y + (index / samples.y) / tile.z);
 	rng_seed(pixel.x + 65536u * pixel.y, uint(group) + 16777216u * uint(batch), frame.seed);

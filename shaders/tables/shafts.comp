@@ -8,31 +8,32 @@ layout(local_size_x = WORKGROUP_X, local_size_y = WORKGROUP_Y) in;
 layout(rgba16f, binding = 0) uniform writeonly image3D table;
 layout(binding = UNIT_SHAFT_TREE) uniform sampler2D shaft_tree;
 
-/* Blocks of the tree that a stretch between two distances is looked up in. */
-const float BLOCKS = 4.0;
+/* Blocks of the tree that a stretch between two distances is first looked up in. */
+const float BLOCKS = 2.0;
 
 /* Shadowed share of the ray's stretch between the positions x0 and x1 > x0 along the plane's line, in samples, where its
- * depth goes from z0 to z1: by blocks of a size that a few of them hold the stretch. Within a block the depths of ray and mesh are
- * taken to be spread evenly between their ends, which is exact where only one of them varies. */
+ * depth goes from z0 to z1: by blocks that it passes on one side of the mesh, as large as the tree has them; samples that it passes
+ * through are shadowed from where it does. */
 float shadowed_share(int plane, float x0, float x1, float z0, float z1)
 {
-	float slope = (z1 - z0) / (x1 - x0), sum = 0.0;
-	int level = int(clamp(ceil(log2((x1 - x0) / BLOCKS)), 0.0, float(SHAFT_LEVELS)));
-	int i = int(x0) >> level, end = min(int(x1), SHAFT_DEPTHS - 1) >> level;
-	i = min(i, end);
-	float size = float(1 << level);
+	float slope = (z1 - z0) / (x1 - x0), sum = 0.0, from = x0;
+	int coarsest = int(clamp(ceil(log2((x1 - x0) / BLOCKS)), 0.0, float(SHAFT_LEVELS))), level = coarsest;
+	int sample_ = min(int(x0), SHAFT_DEPTHS - 1);
 	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
-		float from = max(float(i) * size, x0), to = min(float(i + 1) * size, x1);
-		float za = z0 + (from - x0) * slope, zb = z0 + (to - x0) * slope;
-		vec2 range = texelFetch(shaft_tree, ivec2(shaft_level(level) + i, plane), 0).rg;
-		bool gaps = range.y > 1.0 && range.x <= 1.0; /* of which half is taken to be open */
-		float deepest = max(za, zb), spread = abs(zb - za) + (gaps ? 0.0 : range.y - range.x);
-		sum += clamp((deepest - range.x) / max(spread, 1e-9), 0.0, gaps ? 0.5 : 1.0) * (to - from);
-	} while (++i <= end);
+		int block = sample_ >> level, next = (block + 1) << level;
+		float to = min(float(next), x1), za = z0 + (from - x0) * slope, zb = z0 + (to - x0) * slope;
+		float deepest = max(za, zb), least = min(za, zb);
+		vec2 range = texelFetch(shaft_tree, ivec2(shaft_level(level) + block, plane), 0).rg;
+		bool split = level > 0 && deepest > range.x && least < range.y;
+		float share = clamp((deepest - range.x) / max(deepest - least, 1e-9), 0.0, 1.0);
+		sum += split ? 0.0 : (level > 0 ? float(deepest > range.x) : share) * (to - from);
+		from = split ? from : to;
+		sample_ = split ? sample_ : next;
+		/* on with a larger block where one begins */
+		level = split ? level - 1 : min(level + ((sample_ >> level & 1) == 0 ? 1 : 0), coarsest);
+	} while (from < x1 && sample_ < SHAFT_DEPTHS);
 	return clamp(sum / (x1 - x0), 0.0, 1.0);
 }
-
-const int SOURCE_EVERY = 2; /* slices for one of the light: that varies slowly */
 
 /* Slices between which the ray may lose light: from where the mesh can hide the sun from it to beyond the map, the air or all ground. */
 ivec2 slices_of(ShaftRay ray)
@@ -40,7 +41,7 @@ ivec2 slices_of(ShaftRay ray)
 	vec2 way = shaft_interval(ray, max(ray.entered, 0.0), ray.top);
 	float ground = ray_ground_distance(ray.h - min(surfaces.low.y, 0.0), ray.mu);
 	way.y = ground >= 0.0 ? min(way.y, ground) : way.y;
-	int first = clamp(int(shaft_slice(way.x)), 0, SHAFT_DISTANCES - 1) / SOURCE_EVERY * SOURCE_EVERY;
+	int first = clamp(int(shaft_slice(way.x)), 0, SHAFT_DISTANCES - 1);
 	return ivec2(first, ray.entered < 0.0 || way.y <= way.x ? first : clamp(int(shaft_slice(way.y)) + 2, first, SHAFT_DISTANCES));
 }
 
@@ -75,14 +76,11 @@ void main()
 	while (++k <= slices.x);
 	k = slices.x;
 	while (k < slices.y) {
-		float dt = shaft_distance(float(k + SOURCE_EVERY)) - from;
+		float to = shaft_distance(float(++k)), dt = to - from;
 		vec4 source = shaft_source(ray, from + 0.5 * dt, dt, column) / max(bands.sun_irradiance, 1e-30);
-		for (int i = 0; i < SOURCE_EVERY; i++) {
-			float to = shaft_distance(float(++k));
-			lost += source * (1e3 * (to - from) * share_between(ray, at.y, line, sine, from, to));
-			imageStore(table, ivec3(at, k), min(lost, 6e4));
-			from = to;
-		}
+		lost += source * (1e3 * dt * share_between(ray, at.y, line, sine, from, to));
+		imageStore(table, ivec3(at, k), min(lost, 6e4));
+		from = to;
 	}
 	while (++k <= SHAFT_DISTANCES)
 		imageStore(table, ivec3(at, k), min(lost, 6e4));
