@@ -14,11 +14,12 @@ double cloud_grid_side(const struct CloudsBlock *block, double camera_altitude_m
  * whatever the camera does, so light does not swim. */
 void cloud_grid_place(struct CloudsBlock *block, const double moved_m[2], double camera_altitude_m);
 
-/* UNIT_CLOUD_LIGHT, the tables it is made from, and UNIT_CLOUD_SUN, out of the noise and weather that are bound, for the
- * sun of the frame. */
+/* UNIT_CLOUD_LIGHT, the tables it is made from, and UNIT_CLOUD_SUN, out of the noise and weather that are bound, for
+ * the sun of the frame. */
 enum table_state need_cloud_light(struct frame_tables *tables, const struct scene *scene, struct error *err);
 
 /* UNIT_CLOUD_AROUND, out of those and of the sky's light, for a batch. */
-enum table_state need_cloud_around(struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
+enum table_state need_cloud_around(
+	struct frame_tables *tables, const struct scene *scene, int batch, struct error *err);
 
 #endif

@@ -71,23 +71,26 @@ Shaded shaded_along(vec3 d, float t_end)
 	top = top.y > top.x ? top : vec2(end);
 	bool through = under.y > under.x;
 	under = through ? under : vec2(0.5 * (top.x + top.y));
-	/* above, within, below, within and above the layer; some of them empty */
+	/* above, within, below, within and above the layer, where they are not empty: from where to where, and what share of each is before the clouds */
 	float bound[6] = float[](ray.start, top.x, under.x, under.y, top.y, end);
 	float open[5] = float[](1.0, 0.5, under.x <= ray.start ? 1.0 : 0.0, under.x <= ray.start || !through ? 0.5 : 0.0, 0.0);
+	vec3 stretch[5];
+	int n = 0;
+	for (int k = 0; k < 5; k++)
+		if (min(bound[k + 1], end) > bound[k])
+			stretch[n++] = vec3(bound[k], min(bound[k + 1], end), open[k]);
 	Shaded s = none;
-	if (clouds.weather.z > 0.0) {
+	if (clouds.weather.z > 0.0 && n > 0) {
 		vec4 near_L, near_T, far_L, far_T;
-		aerial_perspective(d, bound[0], near_L, near_T);
-		for (int k = 0; k < 5; k++) {
-			float from = min(bound[k], end), to = min(bound[k + 1], end);
-			if (to > from + 0.5) {
-				aerial_perspective(d, to, far_L, far_T);
-				vec4 change = (air_light(ray, vec2(from, to), d) - 1.0) * max(far_L - near_L, 0.0);
-				s.open += open[k] * change;
-				s.behind += (1.0 - open[k]) * change;
-				near_L = far_L;
-			}
-		}
+		aerial_perspective(d, ray.start, near_L, near_T);
+		int k = 0;
+		do {
+			aerial_perspective(d, stretch[k].y, far_L, far_T);
+			vec4 change = (air_light(ray, stretch[k].xy, d) - 1.0) * max(far_L - near_L, 0.0);
+			s.open += stretch[k].z * change;
+			s.behind += (1.0 - stretch[k].z) * change;
+			near_L = far_L;
+		} while (++k < n);
 	}
 	if (ground >= 0.0 && t_end > ray.start + ground && (frame.features & FEATURE_GROUND) != 0) {
 		vec3 q = cloud_point(ray, end);

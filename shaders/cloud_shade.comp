@@ -20,10 +20,14 @@ vec4 lattice_value(int i)
 	return texelFetch(cloud_lattice_texels, i);
 }
 
-/* Luminance of what corner i takes. */
-float taken(int i)
+const float HIDDEN = 0.01;      /* less comes through clouds before a ground whose shadows don't count */
+
+/* How far the luminance of that differs between corners. */
+float range_of(mat4x4 corners)
 {
-	return dot(bands.to_rgb[1], lattice_value(i) + lattice_value(i + 1));
+	vec4 luminance = bands.to_rgb[1] * corners;
+	vec2 most = max(luminance.xy, luminance.zw), least = min(luminance.xy, luminance.zw);
+	return max(most.x, most.y) - min(least.x, least.y);
 }
 
 /* A thread does a cell: its corners are the same for its pixels. */
@@ -38,22 +42,22 @@ void main()
 	ivec4 corner = 3 * ivec4(at, at + 1, at + across, at + across + 1);
 	vec4 a = lattice_value(corner.x + 2), b = lattice_value(corner.y + 2), c = lattice_value(corner.z + 2), d = lattice_value(corner.w + 2);
 	bool near_ = min(dot(a.yzw, d.yzw), dot(b.yzw, c.yzw)) > 0.99, alike_ = all(equal(a.xxx, vec3(b.x, c.x, d.x)));
-	bool smooth_ = near_ && alike_ && a.x != float(COURSE_TO_GROUND);
-	vec4 change = vec4(taken(corner.x), taken(corner.y), taken(corner.z), taken(corner.w));
-	vec2 most = max(change.xy, change.zw), least = min(change.xy, change.zw);
-	float range_ = max(most.x, most.y) - min(least.x, least.y);
+	bool ground = a.x == float(COURSE_TO_GROUND);
 	mat4x4 open = mat4x4(lattice_value(corner.x), lattice_value(corner.y), lattice_value(corner.z), lattice_value(corner.w));
 	mat4x4 behind = mat4x4(lattice_value(corner.x + 1), lattice_value(corner.y + 1), lattice_value(corner.z + 1), lattice_value(corner.w + 1));
+	float range_open = range_of(open), range_behind = range_of(behind);
 	int k = 0;
 	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
 		ivec2 pixel = lattice_origin(tile) + LATTICE_CELL * cell + ivec2(k % LATTICE_CELL, k / LATTICE_CELL), own = pixel - tile.xy;
 		if (any(lessThan(own, ivec2(0))) || any(greaterThanEqual(own, tile.zw)))
 			continue;
 		int i = own.y * tile.z + own.x;
-		bool clear = !composed(texelFetch(cloud_light_texels, i), direction_of(i));
+		vec4 light = texelFetch(cloud_light_texels, i);
+		bool clear = !composed(light, direction_of(i));
 		if (!clear)
 			list_add(CLOUD_LIST_COMPOSED, i);
-		if (!smooth_ || range_ > MOST_CHANGE * radiance[i].g) {
+		bool smooth_ = near_ && alike_ && !(ground && light.x > HIDDEN);
+		if (!smooth_ || range_open + light.x * range_behind > MOST_CHANGE * radiance[i].g) {
 			list_add(CLOUD_LIST_SHADED, i);
 			continue;
 		}

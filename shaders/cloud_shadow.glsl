@@ -89,15 +89,16 @@ AirLight cloud_air_at(vec3 q, vec3 to_sun, float apart)
 	return AirLight(straight, mix(cloud_around_of_level(at, fine, layer), cloud_around_of_level(at, wide, layer), levels.z));
 }
 
-/* Samples of light in the air: as far apart as that, but no fewer and no more than so many. */
+/* Samples of light in the air: as far apart as that, but no fewer and no more than so many. Above the layer, where all of the sun is seen, light is smooth. */
 const float AIR_STEP = 4000.0; /* m: with fewer, lines show towards the horizon */
-const float AIR_FEWEST = 4.0, AIR_MOST = 32.0;
+const float AIR_FEWEST = 4.0, AIR_MOST = 32.0, AIR_MOST_ABOVE = 4.0;
 
 /* Its mean along a stretch of a ray. */
 AirLight cloud_air_light(CloudRay ray, vec2 stretch)
 {
 	vec3 up = frame.vertical.xyz, sun = frame.sun_direction.xyz;
-	int n = int(clamp(ceil((stretch.y - stretch.x) / AIR_STEP), AIR_FEWEST, AIR_MOST)), i = 0;
+	bool above = min(cloud_point(ray, stretch.x).y, cloud_point(ray, stretch.y).y) > clouds.top - 1.0;
+	int n = int(clamp(ceil((stretch.y - stretch.x) / AIR_STEP), AIR_FEWEST, above ? AIR_MOST_ABOVE : AIR_MOST)), i = 0;
 	AirLight sum = AirLight(0.0, vec4(0.0));
 	do {
 		vec3 q = cloud_point(ray, mix(stretch.x, stretch.y, (float(i) + 0.5) / float(n)));
