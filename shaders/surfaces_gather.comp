@@ -21,15 +21,12 @@ layout(std430, binding = BIND_SURFACES) writeonly buffer Surfaces { uvec4 surfac
 const float RIDGE = 0.02; /* least ratio of the distances on either side, less 1; more where a slope has that within a pixel */
 
 /* Of the samples that show the scene: which ones lie on the other side of a ridge than the chosen one. Depth is near over distance. */
-bvec4 beyond_ridge(ivec2 at, bvec4 there, int chosen, float ratio)
+bvec4 beyond_ridge(vec4 depth, bvec4 there, float chosen, float ratio)
 {
-	vec4 depth = vec4(texelFetch(raster_depth, at, 0).r, texelFetch(raster_depth, at, 1).r, texelFetch(raster_depth, at, 2).r,
-		texelFetch(raster_depth, at, 3).r);
 	vec4 near = mix(vec4(0.0), depth, there), far = mix(vec4(1e30), depth, there);
 	float most = max(max(near.x, near.y), max(near.z, near.w)), least = min(min(far.x, far.y), min(far.z, far.w));
 	float middle = sqrt(most * least);
-	bool front = depth[chosen] > middle;
-	bvec4 other = front ? lessThan(far, vec4(middle)) : greaterThan(near, vec4(middle));
+	bvec4 other = chosen > middle ? lessThan(far, vec4(middle)) : greaterThan(near, vec4(middle));
 	return bvec4(uvec4(other) & uvec4(most > ratio * least ? 1u : 0u));
 }
 
@@ -73,32 +70,39 @@ void main()
 		}
 	} while (++k < RASTER_SAMPLES && least > 0.0 && !one);
 	bool open = covered < uint(RASTER_SAMPLES);
-	float ratio = 1.0;
-	if (covered > 0u && d.w >= 0.0) {
-		Surface hit = surface_hit(chosen, vec3(0.0), d.xyz, sqrt(d.w));
-		hit.coverage = float(covered) / float(RASTER_SAMPLES);
-		ratio += max(RIDGE, 3.0 * sqrt(d.w) / max(abs(dot(hit.face, d.xyz)), 0.01));
-		if (ground_hides(d.xyz, hit.t))
-			open = true;
-		else
-			surface[i] = surface_pack(hit);
-	}
+	const ivec4 numbers = ivec4(0, 1, 2, 3);
 	uint lowest = min(min(s.x - 1u, s.y - 1u), min(s.z - 1u, s.w - 1u));
-	int look = covered > 1u && d.w >= 0.0 && max(max(s.x, s.y), max(s.z, s.w)) - lowest > uint(NEIGHBOURS) ? 1 : 0;
-	bvec4 other = bvec4(false);
-	while (look > 0) { /* a loop, which llvmpipe leaves, of one turn */
-		other = beyond_ridge(drawn, bvec4(there), sample_, ratio);
-		look = 0;
-	}
-	int left = any(other) ? 1 : 0;
-	while (left > 0) { /* likewise */
-		uint beyond = other.x ? s.x : other.y ? s.y : other.z ? s.z : s.w;
-		Surface hit = surface_hit(triangle_at(int(beyond) - 1), vec3(0.0), d.xyz, sqrt(d.w));
-		hit.opacity = dot(vec4(other), vec4(1.0 / float(RASTER_SAMPLES)));
-		if (!ground_hides(d.xyz, hit.t))
+	bool look = covered > 1u && d.w >= 0.0 && max(max(s.x, s.y), max(s.z, s.w)) - lowest > uint(NEIGHBOURS);
+	vec4 depth = vec4(0.0);
+	int j = 0, looks = look ? RASTER_SAMPLES : 1;
+	do
+		depth = mix(depth, vec4(texelFetch(raster_depth, drawn, j).r), equal(ivec4(j), numbers));
+	while (++j < looks);
+	float chosen_depth = dot(depth, vec4(equal(ivec4(sample_), numbers)));
+	/* what was chosen, and where there is any, the other side */
+	bool there_is = covered > 0u && d.w >= 0.0, second = false, beyond = false;
+	vec4 others = vec4(0.0);
+	do {
+		Surface hit = surface_hit(chosen, vec3(0.0), d.xyz, sqrt(d.w));
+		bool hidden = ground_hides(d.xyz, hit.t);
+		hit.coverage = float(covered) / float(RASTER_SAMPLES);
+		hit.opacity = dot(others, vec4(1.0 / float(RASTER_SAMPLES)));
+		if (second && !hidden)
 			list_ridge(i, hit);
-		left = 0;
-	}
+		if (!second && there_is) {
+			open = open || hidden;
+			if (!hidden)
+				surface[i] = surface_pack(hit);
+		}
+		float ratio = 1.0 + max(RIDGE, 3.0 * sqrt(max(d.w, 0.0)) / max(abs(dot(hit.face, d.xyz)), 0.01));
+		bvec4 other = beyond_ridge(depth, bvec4(there), chosen_depth, ratio);
+		beyond = !second && look && any(other);
+		if (beyond) {
+			chosen = triangle_at(int(other.x ? s.x : other.y ? s.y : other.z ? s.z : s.w) - 1);
+			others = vec4(other);
+		}
+		second = true;
+	} while (beyond);
 	if (open && (atomicAnd(groups[entry], ~GROUPS_FILLED) & GROUPS_FILLED) != 0u)
 		list_group(GROUPS_SKY, group); /* the first pixel of its group to do so */
 }
