@@ -30,7 +30,7 @@ static bool choose(struct workspace *ws, const struct frame *f, const struct cho
 	const char *choices, struct error *err)
 {
 	for (int i = 0; i < n; i++) {
-		char all[96];
+		char all[128];
 		snprintf(all, sizeof all, "PROJECTION=%d RAYS=%d %s", f->job.request.image.projection, programs[i].rays,
 			strcmp(programs[i].file, "clouds.comp") == 0 ? choices : "");
 		if (!(*programs[i].to = programs_get(ws->programs, programs[i].file, all, err)))
@@ -69,8 +69,11 @@ static bool choose_reprojection(struct workspace *ws, struct frame *f, const cha
 		planner_note(&f->plan, pass, false, "the image is too small for blocks of 4 by 4 pixels");
 	else if (f->job.request.image.projection == WELKIN_CUBEMAP)
 		planner_note(&f->plan, pass, false, "a cross of faces has no neighbours across its edges");
-	else
-		return choose(ws, f, programs, sizeof programs / sizeof programs[0], choices, err);
+	else {
+		char kept[96];
+		snprintf(kept, sizeof kept, "KEEP=1 %s", choices);
+		return choose(ws, f, programs, sizeof programs / sizeof programs[0], kept, err);
+	}
 	return true;
 }
 
@@ -94,6 +97,12 @@ static bool choose_shade(struct workspace *ws, struct frame *f, const char *comp
 static int lattice_across(int from, int pixels)
 {
 	return ((from + pixels - 1) / 4 - from / 4 + 1) * 2 + 1;
+}
+
+/* Cells of shade along an axis; cloud_lattice.glsl. */
+static int shade_cells(int from, int pixels)
+{
+	return (from + pixels - 1) / 8 - from / 8 + 1;
 }
 
 /* Does the image have a layer of them? */
@@ -182,7 +191,8 @@ static void march_lattice(struct workspace *ws, const struct frame *f, const str
 	}
 }
 
-/* One pixel of each block, then the others between those or from the frame before, marched where neither shows them. */
+/* One pixel of each block, then the others between those or from the frame before, marched where neither shows them;
+ * kept as well. */
 static void march_blocks(struct workspace *ws, const struct frame *f, const struct pass *march)
 {
 	const int *tile = march->tile, pixels = tile[2] * tile[3];
@@ -209,7 +219,7 @@ static void march_blocks(struct workspace *ws, const struct frame *f, const stru
 	passes_run(ws->passes, &listed);
 }
 
-/* For the next frame. */
+/* For the next frame, of one that does not follow another. */
 static void keep(struct workspace *ws, const struct frame *f, const struct pass *march)
 {
 	struct pass pass = *march;
@@ -227,7 +237,7 @@ static void march_tile(struct workspace *ws, const struct frame *f, const struct
 		march_lattice(ws, f, march);
 	else
 		passes_run(ws->passes, march);
-	if (f->history && f->stage == FRAME_STRIPS)
+	if (f->history && !f->reprojects && f->stage == FRAME_STRIPS)
 		keep(ws, f, march);
 }
 
@@ -246,9 +256,9 @@ static void compose_tile(struct workspace *ws, const struct frame *f, const stru
 	corners.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
 	corners.storage[BIND_CLOUD_SHADE] = ws->cloud_shade.id;
 	struct pass fill = corners, shaded = corners, composed = corners;
-	const int cells[2] = { lattice_across(tile[0], tile[2]) / 2, lattice_across(tile[1], tile[3]) / 2 };
+	const int cells[2] = { shade_cells(tile[0], tile[2]), shade_cells(tile[1], tile[3]) };
 	corners.threads[0] = (cells[0] + 1) * (cells[1] + 1);
-	fill.threads[0] = cells[0] * cells[1];
+	fill.threads[0] = cells[0] * tile[3];
 	fill.program = f->cloud_shade.fill;
 	shaded.samples[0] = 1;
 	shaded.indirect = composed.indirect = ws->cloud_list.id;

@@ -24,7 +24,7 @@
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(location = LOCATION_BATCH) uniform int batch;
 #if SHADE == SHADE_OF_RAYS
-layout(location = LOCATION_SAMPLES) uniform ivec4 samples; /* x: 0 for the corners of the lattice's cells, 1 for the pixels listed */
+layout(location = LOCATION_SAMPLES) uniform ivec4 samples; /* x: 0 for the corners of its cells, 1 for the pixels listed */
 layout(std430, binding = BIND_CLOUD_LATTICE) writeonly buffer Lattice { vec4 lattice[]; };
 #else
 layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmittance[]; };
@@ -117,24 +117,24 @@ int course(vec3 d, float angle)
 	float ground = ray_ground_distance(ray.h, ray.mu);
 	if (ground < 0.0)
 		return COURSE_IN_AIR + int(below.y > below.x) + int(within.y > within.x);
-	/* of the table of shadows, which is linear between its cells, a cell of the lattice should see half a one at most */
-	float seen = float(LATTICE_CELL) * angle * (ray.start + ground) / max(-mu_at(ray.h, ray.mu, ground, 0.0), 1e-6);
+	/* of the table of shadows, which is linear between its cells, a cell of shade should see half a one at most */
+	float seen = float(SHADE_CELL) * angle * (ray.start + ground) / max(-mu_at(ray.h, ray.mu, ground, 0.0), 1e-6);
 	vec3 q = cloud_grid_home(cloud_point(ray, ray.start + ground));
 	return seen <= 0.25 * clouds.grid[cloud_grid_level(q, 0)].z ? COURSE_TO_NEAR_GROUND : COURSE_TO_GROUND;
 }
 
-/* For cloud_shade.comp: of the corners of the lattice's cells, and of what it listed. */
+/* For cloud_shade.comp: of the corners of its cells, and of what it listed. */
 void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
 	bool listed = samples.x != 0;
-	ivec2 count = lattice_size(tile) / 2 + 1, own = ivec2(i % count.x, i / count.x);
+	ivec2 count = shade_cells(tile) + 1, own = ivec2(i % count.x, i / count.x);
 	if (!listed && i == 0)
 		lists_clear();
 	if (i >= (listed ? list_length(CLOUD_LIST_SHADED) : count.x * count.y))
 		return;
 	int at = listed ? list_point(CLOUD_LIST_SHADED, i) : i;
-	vec4 d = pixel_direction(listed ? tile.xy + ivec2(at % tile.z, at / tile.z) : lattice_pixel(tile, 2 * own));
+	vec4 d = pixel_direction(listed ? tile.xy + ivec2(at % tile.z, at / tile.z) : shade_corner(tile, own));
 	Shaded s = shaded_along(d.xyz, NO_SURFACE);
 	if (listed) {
 		shade[2 * at] = s.open;

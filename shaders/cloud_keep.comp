@@ -1,4 +1,4 @@
-/* Keeps the clouds of a tile for the sequence's next frame. */
+/* Keeps the clouds of a tile for the sequence's next frame, of a frame that does not follow another. */
 #include "cloud_history.glsl"
 
 layout(local_size_x = WORKGROUP_LINE) in;

@@ -78,6 +78,19 @@ ivec2 lattice_pixel(ivec4 tile, ivec2 point)
 	return min(lattice_origin(tile) + 2 * point, ivec2(frame.width, frame.height) - 1);
 }
 
+/* What clouds shade is smoother: its cells are larger, and there are but corners (cloud_shade.comp). */
+const int SHADE_CELL = 8;
+
+ivec2 shade_cells(ivec4 tile)
+{
+	return (tile.xy + tile.zw - 1) / SHADE_CELL - tile.xy / SHADE_CELL + 1;
+}
+
+ivec2 shade_corner(ivec4 tile, ivec2 corner)
+{
+	return min((tile.xy / SHADE_CELL + corner) * SHADE_CELL, ivec2(frame.width, frame.height) - 1);
+}
+
 /* Direction of a pixel in the world; w: its solid angle, negative where it shows nothing. */
 vec4 pixel_direction(ivec2 pixel)
 {

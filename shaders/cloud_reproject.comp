@@ -22,6 +22,7 @@ layout(binding = UNIT_CLOUD_BEFORE) uniform samplerBuffer cloud_before_texels;
 layout(std430, binding = BIND_CLOUD_BEFORE) readonly buffer Before { uvec4 before[]; };
 layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
+layout(std430, binding = BIND_CLOUD_KEPT) writeonly buffer Kept { uvec4 kept[]; };
 
 const float CLIP = 1.75;   /* standard deviations that what was there may lie off the mean of what is marched around: 1 blurs, 4 lets ghosts through */
 const float ASTRAY = 1.5;  /* pixels that it may have come from beside where this frame takes it from */
@@ -155,10 +156,11 @@ bool remember(vec4 d, float t, out Sight then)
 	return same_place;
 }
 
-void show(int i, Sight s)
+void show(ivec2 pixel, int i, Sight s)
 {
 	light[i] = s.light;
 	place[i] = s.place;
+	kept[pixel.y * frame.width + pixel.x] = sight_pack(s);
 }
 
 #if RAYS == CLOUD_RAYS_PIXELS
@@ -172,9 +174,9 @@ void fill(ivec2 pixel, int i, Sight s[4], vec2 x, Around a)
 		/* what came to be seen here is where its neighbours are */
 		if (1.0 - then.light.x < 0.5 * (1.0 - now.x))
 			then.place = where;
-		show(i, Sight(now, then.place));
+		show(pixel, i, Sight(now, then.place));
 	} else if (alike(s[0], s[1], s[2], s[3])) {
-		show(i, between(s[0], s[1], s[2], s[3], x));
+		show(pixel, i, between(s[0], s[1], s[2], s[3], x));
 	} else {
 		list_add(CLOUD_LIST_PIXELS, i);
 	}
@@ -212,11 +214,11 @@ void main()
 		int i = at.y * tile.z + at.x;
 #if RAYS == CLOUD_RAYS_BLOCKS
 		if (pixel == own)
-			show(i, marched(block));
+			show(pixel, i, marched(block));
 		else if (still)
-			show(i, recall(before_pixel(pixel)));
+			show(pixel, i, recall(before_pixel(pixel)));
 		else if (agreed)
-			show(i, between(s[0], s[1], s[2], s[3], off));
+			show(pixel, i, between(s[0], s[1], s[2], s[3], off));
 #else
 		if (pixel != own)
 			fill(pixel, i, s, off, a);

@@ -1,7 +1,7 @@
 /*
- * What clouds take from the light below them, between the corners of the lattice's cells (cloud_lattice.glsl), for which
- * cloud_compose.comp has worked it out: smooth as long as all four rays end in the air, and little next to what is seen. The others are listed for it, and
- * so are pixels with clouds, which alone have more to compose.
+ * What clouds take from the light below them, between the corners of cells (cloud_lattice.glsl), for which cloud_compose.comp has
+ * worked it out: smooth as long as all four rays end in the air or on near ground, and little next to what is seen. The others
+ * are listed for it, and so are pixels with clouds, which alone have more to compose.
  */
 #include "directions.glsl"
 #include "cloud_lattice.glsl"
@@ -10,7 +10,8 @@
 
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(std430, binding = BIND_CLOUD_SHADE) writeonly buffer Shade { vec4 shade[]; };
-layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
+layout(std430, binding = BIND_RADIANCE) writeonly buffer Radiance { vec4 radiance[]; };
+layout(binding = UNIT_RADIANCE) uniform samplerBuffer radiance_texels;
 layout(binding = UNIT_CLOUD_LIGHT_OF_RAYS) uniform samplerBuffer cloud_light_texels;
 
 const float MOST_CHANGE = 0.03; /* of the pixel's luminance, between corners */
@@ -25,19 +26,19 @@ const float HIDDEN = 0.01;      /* less comes through clouds before a ground who
 /* How far the luminance of that differs between corners. */
 float range_of(mat4x4 corners)
 {
-	vec4 luminance = bands.to_rgb[1] * corners;
+	vec4 luminance = bands.to_rgb[1] * corners; /* of each column */
 	vec2 most = max(luminance.xy, luminance.zw), least = min(luminance.xy, luminance.zw);
 	return max(most.x, most.y) - min(least.x, least.y);
 }
 
-/* A thread does a cell: its corners are the same for its pixels. */
+/* A thread does a row of a cell: its corners are the same for its pixels. */
 void main()
 {
 	int n = int(gl_GlobalInvocationID.x);
-	ivec2 cells = lattice_size(tile) / 2, cell = ivec2(n % cells.x, n / cells.x);
-	if (n >= cells.x * cells.y)
+	ivec2 cells = shade_cells(tile), row = ivec2(n % cells.x, tile.y + n / cells.x);
+	if (n >= cells.x * tile.w)
 		return;
-	ivec2 from = lattice_pixel(tile, 2 * cell), to = lattice_pixel(tile, 2 * cell + 2);
+	ivec2 cell = ivec2(row.x, row.y / SHADE_CELL - tile.y / SHADE_CELL), from = shade_corner(tile, cell), to = shade_corner(tile, cell + 1);
 	int across = cells.x + 1, at = cell.y * across + cell.x;
 	ivec4 corner = 3 * ivec4(at, at + 1, at + across, at + across + 1);
 	vec4 a = lattice_value(corner.x + 2), b = lattice_value(corner.y + 2), c = lattice_value(corner.z + 2), d = lattice_value(corner.w + 2);
@@ -45,29 +46,28 @@ void main()
 	bool ground = a.x == float(COURSE_TO_GROUND);
 	mat4x4 open = mat4x4(lattice_value(corner.x), lattice_value(corner.y), lattice_value(corner.z), lattice_value(corner.w));
 	mat4x4 behind = mat4x4(lattice_value(corner.x + 1), lattice_value(corner.y + 1), lattice_value(corner.z + 1), lattice_value(corner.w + 1));
-	float range_open = range_of(open), range_behind = range_of(behind);
-	int k = 0;
+	float range_open = range_of(open), range_behind = range_of(behind), down = clamp(float(row.y - from.y) / float(max(to.y - from.y, 1)), 0.0, 1.0);
+	vec4 open_left = mix(open[0], open[2], down), open_right = mix(open[1], open[3], down);
+	vec4 behind_left = mix(behind[0], behind[2], down), behind_right = mix(behind[1], behind[3], down);
+	int column = max(from.x, tile.x), end = min(from.x + SHADE_CELL, tile.x + tile.z);
 	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
-		ivec2 pixel = lattice_origin(tile) + LATTICE_CELL * cell + ivec2(k % LATTICE_CELL, k / LATTICE_CELL), own = pixel - tile.xy;
-		if (any(lessThan(own, ivec2(0))) || any(greaterThanEqual(own, tile.zw)))
-			continue;
-		int i = own.y * tile.z + own.x;
-		vec4 light = texelFetch(cloud_light_texels, i);
+		int i = (row.y - tile.y) * tile.z + column - tile.x;
+		vec4 light = texelFetch(cloud_light_texels, i), sky = texelFetch(radiance_texels, i);
 		bool clear = !composed(light, direction_of(i));
 		if (!clear)
 			list_add(CLOUD_LIST_COMPOSED, i);
 		bool smooth_ = near_ && alike_ && !(ground && light.x > HIDDEN);
-		if (!smooth_ || range_open + light.x * range_behind > MOST_CHANGE * radiance[i].g) {
+		if (!smooth_ || range_open + light.x * range_behind > MOST_CHANGE * sky.g) {
 			list_add(CLOUD_LIST_SHADED, i);
-			continue;
-		}
-		vec2 x = clamp(vec2(pixel - from) / vec2(max(to - from, 1)), 0.0, 1.0);
-		vec4 weights = vec4((1.0 - x.x) * (1.0 - x.y), x.x * (1.0 - x.y), (1.0 - x.x) * x.y, x.x * x.y);
-		if (clear) {
-			radiance[i].rgb += to_rgb(open * weights + behind * weights);
 		} else {
-			shade[2 * i] = open * weights;
-			shade[2 * i + 1] = behind * weights;
+			float x = clamp(float(column - from.x) / float(max(to.x - from.x, 1)), 0.0, 1.0);
+			vec4 before = mix(open_left, open_right, x), after = mix(behind_left, behind_right, x);
+			if (clear) {
+				radiance[i] = sky + vec4(to_rgb(before + after), 0.0);
+			} else {
+				shade[2 * i] = before;
+				shade[2 * i + 1] = after;
+			}
 		}
-	} while (++k < LATTICE_CELL * LATTICE_CELL);
+	} while (++column < end);
 }

@@ -18,6 +18,9 @@
 layout(local_size_x = WORKGROUP_LINE) in;
 layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
+#ifdef KEEP /* for the sequence's next frame */
+layout(std430, binding = BIND_CLOUD_KEPT) writeonly buffer Kept { uvec4 kept[]; };
+#endif
 #if RAYS != CLOUD_RAYS_GIVEN
 layout(std430, binding = BIND_CLOUD_LATTICE) buffer Lattice { vec4 lattice[]; };
 #endif
@@ -114,6 +117,9 @@ void main()
 #else
 	light[at] = c.light;
 	place[at] = c.place;
+#ifdef KEEP
+	kept[pixel.y * frame.width + pixel.x] = sight_pack(Sight(c.light, c.place));
+#endif
 #endif
 }
 #endif

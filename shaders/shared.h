@@ -245,7 +245,7 @@ typedef unsigned int uint;
 #define CLOUD_LIST_SHADED 1
 #define COURSE_NO_AIR 0
 #define COURSE_TO_GROUND 1
-#define COURSE_TO_NEAR_GROUND 2 /* where shadows are smooth between corners of the lattice's cells */
+#define COURSE_TO_NEAR_GROUND 2 /* where shadows are smooth between the corners of cells */
 #define COURSE_IN_AIR 3 /* and above, by the shells that are met */
 
 #define SHAPE_DILATED_SQUARED 0

@@ -27,5 +27,5 @@ void main()
 		through += exp(-k * sigma);
 		sum += sigma;
 	}
-	imageStore(table, texel, vec4(-log(through / float(SAMPLES)) / k, sum / float(SAMPLES), 0.0, 0.0));
+	imageStore(table, texel, vec4(-log(max(through / float(SAMPLES), 1e-30)) / k, sum / float(SAMPLES), 0.0, 0.0));
 }
