@@ -126,7 +126,11 @@ bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error 
 	const char *surfaces = f->plan.features & FEATURE_SURFACES ? "SURFACES=1" : "";
 	char choices[64], compose[64];
 	snprintf(compose, sizeof compose, "%s%s", layered(f) ? "CLOUD_LAYER=1 " : "", surfaces);
-	snprintf(choices, sizeof choices, "LIGHTING=%d SAVINGS=%u %s", clouds->lighting, clouds->savings, surfaces);
+	if (programs_many(ws->programs))
+		snprintf(choices, sizeof choices, "%s", surfaces);
+	else
+		snprintf(choices, sizeof choices, "LIGHTING=%d SAVINGS=%u %s", clouds->lighting, clouds->savings,
+			surfaces);
 	return (f->clouds = programs_get(ws->programs, "clouds.comp", choices, err)) &&
 	       (f->compose = programs_get(ws->programs, "cloud_compose.comp", compose, err)) &&
 	       choose_shade(ws, f, compose, err) && choose_lattice(ws, f, choices, err) &&

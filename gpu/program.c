@@ -8,7 +8,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PROGRAMS_MAX = 192, ADDED_MAX = 64, FILES_MAX = 48, DEPTH_MAX = 8, STRETCHES_MAX = 2 * FILES_MAX + 64 };
+enum {
+	PROGRAMS_MAX = 512,
+	PROGRAMS_MANY = 160,
+	ADDED_MAX = 64,
+	FILES_MAX = 48,
+	DEPTH_MAX = 8,
+	STRETCHES_MAX = 2 * FILES_MAX + 64
+};
 
 const struct fetched program_fetched[PROGRAM_FETCHED] = {
 	{ "direction_texels", BIND_DIRECTIONS, UNIT_DIRECTIONS, GL_RGBA32F },
@@ -294,6 +301,11 @@ bool programs_add_file(struct programs *programs, const char *name, const char *
 	snprintf(added->shown, sizeof added->shown, "%s", shown);
 	added->text = text;
 	return true;
+}
+
+bool programs_many(const struct programs *programs)
+{
+	return programs->n >= PROGRAMS_MANY;
 }
 
 const struct program *programs_get(struct programs *programs, const char *name, const char *choices, struct error *err)

@@ -40,6 +40,10 @@ bool programs_add_file(struct programs *programs, const char *name, const char *
  * until programs_destroy. */
 const struct program *programs_get(struct programs *programs, const char *name, const char *choices, struct error *err);
 
+/* So many already that choices which a client has thousands of are better left to the blocks: programs stay until the
+ * end. */
+bool programs_many(const struct programs *programs);
+
 /* The full text of a kernel with its #include lines resolved (each file once), malloc'd; NULL
  * with the reason. */
 char *programs_source(const char *shader_dir, const char *name, const char *choices, struct error *err);

@@ -46,33 +46,27 @@ float cloud_light_sun_depth(vec3 q, vec3 to_sun, int near)
 	return depth + cloud_light_at(q + to_sun * reach).sun_depth * cloud_grid_within(q + to_sun * reach);
 }
 
-/* Light that went straight on n times in the scaled medium, by angle. The mean cosine f is what straight scattering keeps, so of the phase
- * function's moments it has those but the 0th over f, n times over: HG(b^n)'s, with b the ratio of the second to the first. */
-float cloud_straight_lobe(float b_n, float nu)
-{
-	return (phase_henyey_greenstein(b_n, nu) - (1.0 - b_n) / (4.0 * PI)) / max(b_n, 1e-3);
-}
-
 /*
- * The beam's answer per unit of true optical depth, attenuation left out. With m the mean number of straight scatterings
- * along the way and lobes D_n as above:
+ * The beam's answer per unit of true optical depth, attenuation left out. With m the mean number of forward scatterings
+ * along the way and lobes L_n = HG(g^n):
  *
- *     sum over n of P_n(m) [ f / (n + 1) D_(n+1) + (1 - f) / 4π ],
+ *     sum over n of P_n(m) [ (f / (n + 1) + s - f) L_(n+1) ] + (1 - s) HG(g_backward),
  *
- * of which the first is the phase function itself. Three orders are taken one by one, the rest by its mean.
+ * s the forward lobe's share of scattering, f that which counts as straight on. Three orders are taken one by one, the rest by its mean.
  */
 float cloud_beam(float depth, float nu)
 {
-	float f = cloud_straight_share(), second = mix(clouds.forward_g * clouds.forward_g, clouds.backward_g * clouds.backward_g, clouds.backward_share);
-	float b = clamp(second / max(f, 1e-6), 0.0, 0.999), m = clouds.albedo * f * depth, P0 = exp(-m), P1 = P0 * m, P2 = 0.5 * P1 * m;
+	float f = cloud_straight_share(), s = 1.0 - clouds.backward_share, w = max(s - f, 0.0), g = clouds.forward_g;
+	float m = clouds.albedo * f * depth, P0 = exp(-m), P1 = P0 * m, P2 = 0.5 * P1 * m;
 	float once = m > 1e-2 ? (1.0 - P0) / m : 1.0 - 0.5 * m; /* sum of P_n / (n + 1) */
-	float rest = max(once - P0 - P1 / 2.0 - P2 / 3.0, 0.0);
+	float rest = max(f * (once - P0 - P1 / 2.0 - P2 / 3.0) + w * (1.0 - P0 - P1 - P2), 0.0);
 	/* first moment of n + 1 over the same weights */
-	float n = clamp((1.0 - P0 - P1 - P2) / max(rest, 1e-12), 4.0, 1e3), b_2 = b * b;
-	float straight = P1 / 2.0 * cloud_straight_lobe(b_2, nu) + P2 / 3.0 * cloud_straight_lobe(b_2 * b, nu) +
-			 rest * cloud_straight_lobe(pow(b, n), nu);
-	float once_scattered = mix(phase_henyey_greenstein(clouds.forward_g, nu), phase_henyey_greenstein(clouds.backward_g, nu), clouds.backward_share);
-	return max(P0 * once_scattered + f * straight + (1.0 - f) * (1.0 - P0) / (4.0 * PI), 0.0);
+	float moment = f * (1.0 - P0 - P1 - P2) + w * (m + 1.0 - P0 - 2.0 * P1 - 3.0 * P2);
+	float n = clamp(moment / max(rest, 1e-12), 4.0, 1e3);
+	float sum = P0 * (f + w) * phase_henyey_greenstein(g, nu) + P1 * (f / 2.0 + w) * phase_henyey_greenstein(g * g, nu) +
+		P2 * (f / 3.0 + w) * phase_henyey_greenstein(g * g * g, nu) +
+		rest * phase_henyey_greenstein(pow(max(g, 1e-6), n), nu);
+	return sum + clouds.backward_share * phase_henyey_greenstein(clouds.backward_g, nu);
 }
 
 /* Answers per unit of true optical depth, albedo and the sun's attenuation in. sun_depth: true optical depth to the sun, by the

@@ -4,6 +4,8 @@
 layout(local_size_x = WORKGROUP_X, local_size_y = WORKGROUP_Y) in;
 layout(rgba32f, binding = 0) uniform writeonly image3D table;
 
+const float MOST_GAIN = 8.0; /* where a layer reaches out of the air, both sides of that fraction are next to nothing */
+
 /* Of diffuse light by the air above altitude h, in Eddington's approximation. */
 vec4 reflected_by_air(float h)
 {
@@ -28,6 +30,7 @@ void main()
 	vec4 lit = clouded / max(clear, 1e-20), risen = 0.5 * (sun * above.x + back * lit * above.z / PI);
 	vec4 R = reflected_by_air(clouds.top);
 	vec4 gain = (down + R * (risen - back)) / max(down * (1.0 - R * max(above.y / (2.0 * PI) - 1.0, 0.0)), 1e-20);
+	gain = clamp(gain, 0.0, MOST_GAIN);
 	vec4 field_above = (sun * above.x + (down * gain * above.y + back * lit * above.z) / PI) / max(2.0 * (down + back), 1e-20);
 	sky_halves(clouds.bottom, mu_s, down, back);
 	vec4 field_below = (sunlight_at(clouds.bottom, mu_s) * below.x + (down * gain * below.y + back * lit * below.z) / PI) / max(2.0 * (down + back), 1e-20);

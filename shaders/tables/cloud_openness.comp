@@ -3,8 +3,9 @@
  * without another collision, upwards and downwards (by reversal: the share of directions from which a cell sees sky,
  * and ground); z the mean transmittance to the sun; w the coefficient of diffusion in m.
  *
- * A photon that leaves its cell for good does not diffuse, so the coefficient is 1 / 3σ' times the share that stays;
- * in thin air it is bounded by how far apart clouds are.
+ * Deep in a cloud the coefficient is 1 / 3σ'. Within a free path or two of its edge what diffuses is less, since most of what leaves does so at once:
+ * with the exact solution for a half-space without absorption (Milne's problem) it is (1 - 2P)³ of that, P the share that leaves, within a tenth down to half a free path.
+ * In thin air it is bounded by how far apart clouds are.
  */
 #include "cloud_grid.glsl"
 
