@@ -91,7 +91,7 @@ AirLight cloud_air_at(vec3 q, vec3 to_sun, float apart)
 
 /* Samples of light in the air: as far apart as that, but no fewer and no more than so many. Above the layer, where all of the sun is seen, light is smooth. */
 const float AIR_STEP = 4000.0; /* m: with fewer, lines show towards the horizon */
-const float AIR_FEWEST = 4.0, AIR_MOST = 32.0, AIR_MOST_ABOVE = 4.0;
+const float AIR_FEWEST = 6.0, AIR_MOST = 32.0, AIR_MOST_ABOVE = 4.0;
 
 /* Its mean along a stretch of a ray. */
 AirLight cloud_air_light(CloudRay ray, vec2 stretch)

@@ -14,7 +14,8 @@
 static const struct cloud_phase two_lobes = { 0.9, 0.9, -0.15 }, isotropic = { 1, 0, 0 };
 
 /* Reflectances by tests/lib_cloud_mc.h, 20,000 photons: ± 0.004. Sums of energy may miss 1 by no more than what was
- * measured; the most in the last deck, where a cell of the grid is 0.8 free paths high (of clouds' 0.1 at most). */
+ * measured; the most in the last deck, where a cell of the grid is 0.8 free paths high, as where cumulus are densest.
+ */
 static void decks(void **state)
 {
 	(void)state;

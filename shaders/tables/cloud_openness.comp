@@ -4,7 +4,7 @@
  * and ground); z the mean transmittance to the sun; w the coefficient of diffusion in m.
  *
  * Deep in a cloud the coefficient is 1 / 3σ'. Within a free path or two of its edge what diffuses is less, since most of what leaves does so at once:
- * with the exact solution for a half-space without absorption (Milne's problem) it is (1 - 2P)³ of that, P the share that leaves, within a tenth down to half a free path.
+ * with the exact solution for a half-space without absorption (Milne's problem) it is (1 - 2P)³ of that, P the share that leaves, within a tenth from half a free path on.
  * In thin air it is bounded by how far apart clouds are.
  */
 #include "cloud_grid.glsl"
