@@ -3,11 +3,42 @@
  * (table cloud_diffuse: x, y, z emitted for sun, sky, ground; w σ'), and of sky and ground behind them. It mends
  * what diffusion gets wrong where light leaves. w: transmittance to the sun.
  */
-#include "cloud_sweep.glsl"
+#include "cloud_grid.glsl"
 
 layout(local_size_x = 8, local_size_y = 4, local_size_z = 2) in;
 layout(rgba32f, binding = 0) uniform writeonly image3D table;
 layout(binding = UNIT_CLOUD_OPENNESS) uniform sampler3D cloud_openness_texture;
+layout(binding = UNIT_CLOUD_DIFFUSE) uniform sampler3D cloud_diffuse_texture;
+
+const int STEPS = 7;
+
+vec4 emitted(vec3 q, int level)
+{
+	return textureLod(cloud_diffuse_texture, cloud_grid_coordinates(cloud_grid_place(q, level), level), 0.0);
+}
+
+/* Adds what a stretch around q emits. */
+void emit(inout vec3 sum, inout float T, vec3 q, float length_, int level)
+{
+	vec4 e = emitted(q, cloud_grid_level(q, level));
+	float x = e.w * length_, through = exp(-x);
+	sum += T * e.rgb * (x > 1e-3 ? (1.0 - through) / e.w : length_ * (1.0 - 0.5 * x));
+	T *= through;
+}
+
+vec3 arriving(vec3 q, vec3 d, int level)
+{
+	float crossing = cloud_grid_crossing(d, level), step_ = 0.5 * crossing, t = 0.0, T = 1.0, way_out = cloud_grid_way_out(q, d);
+	vec3 sum = vec3(0.0);
+	for (int i = 0; i < STEPS; i++) {
+		float part = clamp(way_out - t, 0.0, step_);
+		emit(sum, T, q + d * (t + 0.5 * part), part, min(step_ > 2.5 * crossing ? level + 1 : level, CLOUD_GRID_LEVELS - 1));
+		t += step_;
+		step_ *= i == 0 ? 2.0 : 2.2;
+	}
+	float sky = step(0.0, d.y);
+	return sum + 4.0 * PI * T * vec3(0.0, sky, 1.0 - sky);
+}
 
 /* What the outermost cells see of the layer: a half-space, by Gauss-Legendre in the cosine. The highest have light from all directions, for the air above. The lowest
  * have twice the irradiance of a level plane, which is the same where it comes evenly, and right for the ground. */
