@@ -114,7 +114,7 @@ $(B)/tests/%: $(B)/obj/tests/%.o $(TEST_LIB) $(SERVER_OBJ) $(GPU_OBJ) $(API_OBJ)
 	@mkdir -p $(@D)
 	@echo "  LINK $@"; $(CC) $(LDFLAGS_ALL) -o $@ $^ $(LIBS) $(TEST_LIBS)
 
-PROGRAMS  := bench_madrid bench_clouds cloud_light cloud_scenes soak bench_probe bench_encode bench_frames accuracy chart failures
+PROGRAMS  := bench_madrid bench_clouds scene_error cloud_light cloud_scenes soak bench_probe bench_encode bench_frames accuracy chart failures
 .PHONY: tests programs
 tests: $(TEST_BIN) $(B)/welkin
 programs: $(PROGRAMS:%=$(B)/tests/%) $(B)/welkin
@@ -180,6 +180,11 @@ bench: programs
 .PHONY: bench-madrid
 bench-madrid: $(B)/tests/bench_madrid
 	$(B)/tests/bench_madrid
+# Whole pictures of a scene against the path tracer, and where they differ.
+.PHONY: scene-error
+scene-error: $(B)/tests/scene_error
+	@mkdir -p $(B)/scene-error
+	$(B)/tests/scene_error $(B)/scene-error
 # What each saving of the march through clouds saves, and costs in accuracy.
 bench-clouds: $(B)/tests/bench_clouds
 	$(B)/tests/bench_clouds
@@ -192,6 +197,7 @@ smoke: programs $(B)/octaves/cloud_light.glsl
 	$(B)/tests/cloud_light --smoke
 	$(B)/tests/cloud_scenes --smoke --octaves $(B)/octaves
 	$(B)/tests/bench_madrid --smoke
+	$(B)/tests/scene_error --smoke
 	$(B)/tests/bench_clouds --smoke
 fit: $(B)/tests/fit_sky
 	$(B)/tests/fit_sky gpu/fitted_data.inc
