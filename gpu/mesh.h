@@ -8,7 +8,7 @@
 /* A scene ready for the renderer: one block of memory without pointers, all offsets from its start, as a loader process
  * writes it into a memfd and the renderer maps it read-only. Local frame before placing: x east, y up, z south, metres.
  * Offsets are multiples of 8. */
-enum { MESH_VERSION = 4, MESH_NAME = 64 };
+enum { MESH_VERSION = 5, MESH_NAME = 64 };
 
 struct mesh_header {
 	char magic[8]; /* "welkmesh" */
@@ -36,6 +36,7 @@ struct mesh_material {
 	float ambient[3], diffuse[3], specular[3], shininess, opacity;
 	int32_t albedo_texture, normal_texture; /* -1: none */
 	int32_t alpha;                          /* 1: where the albedo's alpha is less than 1, so is the opacity */
+	int32_t level_normals; /* 1: the normal map has the mesh's own slopes: it is about the vertical */
 };
 
 struct mesh_texture {

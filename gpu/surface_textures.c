@@ -99,14 +99,15 @@ static bool create(const struct mesh_header *mesh, bool as_albedo, int anisotrop
 	const int longest = a.width > a.height ? a.width : a.height, levels = 1 + (int)floor(log2(longest));
 	glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &a.id);
 	*id = a.id;
-	glTextureStorage3D(a.id, levels, as_albedo ? GL_SRGB8_ALPHA8 : GL_RGBA8, a.width, a.height, a.layers);
+	/* normals with more bits, since some interpolate with those of the format: a low sun would show the steps */
+	glTextureStorage3D(a.id, levels, as_albedo ? GL_SRGB8_ALPHA8 : GL_RGBA16, a.width, a.height, a.layers);
 	if (glGetError() != GL_NO_ERROR)
 		return false;
 	configure(&a, anisotropy);
 	if (!fill(mesh, &a, as_albedo))
 		return false;
 	glGenerateTextureMipmap(a.id);
-	*bytes += 4.0 * a.width * a.height * a.layers * 4 / 3;
+	*bytes += (as_albedo ? 4.0 : 8.0) * a.width * a.height * a.layers * 4 / 3;
 	return true;
 }
 

@@ -12,7 +12,7 @@ enum { CLUSTER_TRIANGLES = 256 };
 /* std430 of struct Material in shaders/surface_record.glsl. */
 struct device_material {
 	float diffuse[4], specular[4], ambient[4]; /* w: shininess; opacity; 1: so is its texture's alpha */
-	int32_t albedo_texture, normal_texture, reserved[2];
+	int32_t albedo_texture, normal_texture, level_normals, reserved;
 };
 
 struct device_triangle {
@@ -279,6 +279,7 @@ static bool upload_materials(struct build *b)
 		list[i].ambient[3] = m->alpha && m->albedo_texture >= 0 ? 1 : 0;
 		list[i].albedo_texture = m->albedo_texture;
 		list[i].normal_texture = m->normal_texture;
+		list[i].level_normals = m->level_normals;
 		b->s->normal_mapped |= m->normal_texture >= 0;
 		b->s->glossy |= m->specular[0] > 0 || m->specular[1] > 0 || m->specular[2] > 0;
 	}

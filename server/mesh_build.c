@@ -334,6 +334,89 @@ bool mesh_build_mend(struct mesh_build *b, struct error *err)
 	return !missing || add_normals(b) || error_set(err, "no memory for its normals");
 }
 
+/* ---- normal maps ---- */
+
+/*
+ * Terrain often comes with a map that was made of its heights: of the slopes themselves, not of what the mesh leaves
+ * out of them. Laid on the mesh's own normals it would have every slope twice. Such a map goes with the slopes as far
+ * as the mesh has them, where one of detail knows nothing of them.
+ */
+struct slopes {
+	double map_map, map_mesh, mesh_mesh; /* sums of products */
+	size_t n, level;                     /* triangles, and of them those that lie level enough to tell */
+};
+
+/* Adds a slope along a texture's axis: of the map's normal, and of the mesh's. along: how a point moves with the
+ * axis' coordinate. */
+static void add_slope(struct slopes *s, double map, double up, const double normal[3], const double along[3])
+{
+	const double level = hypot(along[0], along[2]);
+	const double mesh = -(normal[0] * along[0] + normal[2] * along[2]) / (level * normal[1]);
+	if (!isfinite(mesh))
+		return;
+	s->map_map += map * map / (up * up);
+	s->map_mesh += -map / up * mesh;
+	s->mesh_mesh += mesh * mesh;
+}
+
+static void add_triangle(
+	struct slopes *s, const struct mesh_build *b, const uint32_t *at, const struct build_texture *map)
+{
+	const struct mesh_vertex *v[3] = { &b->vertices[at[0]], &b->vertices[at[1]], &b->vertices[at[2]] };
+	double d1[2], d2[2], along_u[3], along_v[3], normal[3], uv[2], texel[3];
+	for (int k = 0; k < 2; k++) {
+		d1[k] = (double)v[1]->uv[k] - v[0]->uv[k];
+		d2[k] = (double)v[2]->uv[k] - v[0]->uv[k];
+		uv[k] = (double)v[0]->uv[k] + (d1[k] + d2[k]) / 3;
+		uv[k] -= floor(uv[k]);
+	}
+	const double det = d1[0] * d2[1] - d1[1] * d2[0];
+	for (int k = 0; k < 3; k++) {
+		const double e1 = (double)v[1]->position[k] - v[0]->position[k],
+			     e2 = (double)v[2]->position[k] - v[0]->position[k];
+		along_u[k] = (e1 * d2[1] - e2 * d1[1]) / det;
+		along_v[k] = (e2 * d1[0] - e1 * d2[0]) / det;
+		normal[k] = ((double)v[0]->normal[k] + v[1]->normal[k] + v[2]->normal[k]) / 3;
+	}
+	const uint32_t x = (uint32_t)fmin(uv[0] * map->width, map->width - 1),
+		       y = (uint32_t)fmin((1 - uv[1]) * map->height, map->height - 1);
+	for (int k = 0; k < 3; k++)
+		texel[k] = map->pixels[4 * ((size_t)y * map->width + x) + (size_t)k] * 2 / 255.0 - 254 / 255.0;
+	s->n++;
+	if (det == 0 || !isfinite(det) || normal[1] < 0.1 || texel[2] < 0.1)
+		return;
+	s->level++;
+	add_slope(s, texel[0], texel[2], normal, along_u);
+	add_slope(s, texel[1], texel[2], normal, along_v);
+}
+
+static bool about_the_vertical(const struct slopes *s)
+{
+	enum { LEAST = 64 };
+	const double gain = s->map_mesh / s->mesh_mesh, correlation = s->map_mesh / sqrt(s->map_map * s->mesh_mesh);
+	return s->level >= LEAST && 10 * s->level > 9 * s->n && gain > 0.5 && gain < 2 && correlation > 0.7;
+}
+
+bool mesh_build_look_at_normal_maps(struct mesh_build *b, struct error *err)
+{
+	enum { LOOKS = 4096 }; /* of a part */
+	struct slopes *slopes = calloc(b->n_materials + 1, sizeof *slopes);
+	if (!slopes)
+		return error_set(err, "no memory for its normal maps");
+	for (size_t p = 0; p < b->n_parts; p++) {
+		const struct mesh_part *part = &b->parts[p];
+		const int32_t map = b->materials[part->material].normal_texture;
+		const uint32_t n = part->n_indices / 3, step = n / LOOKS + 1;
+		for (uint32_t i = 0; map >= 0 && i < n; i += step)
+			add_triangle(&slopes[part->material], b, b->indices + part->first_index + 3 * (size_t)i,
+				&b->textures[map]);
+	}
+	for (size_t m = 0; m < b->n_materials; m++)
+		b->materials[m].level_normals = about_the_vertical(&slopes[m]);
+	free(slopes);
+	return true;
+}
+
 /* ---- the block ---- */
 
 static void add_bounds(const struct mesh_build *b, struct mesh_header *h)

@@ -64,6 +64,9 @@ bool mesh_build_mend(struct mesh_build *build, struct error *err);
 /* Shares equal vertices. */
 bool mesh_build_weld(struct mesh_build *build, struct error *err);
 
+/* Finds out which normal maps are about the vertical (struct mesh_material): after mend. */
+bool mesh_build_look_at_normal_maps(struct mesh_build *build, struct error *err);
+
 /* Writes the block into an empty memfd. */
 bool mesh_build_write(const struct mesh_build *build, int fd, const char key[33], struct error *err);
 void mesh_build_finish(struct mesh_build *build);

@@ -373,5 +373,6 @@ bool scene_obj_read(const struct scene_files *files, const struct scene_file *mo
 		sound = error_set(err, "%.150s has no faces", model->name);
 	sound = sound && build_mesh(o, build, about, err);
 	finish(o);
-	return sound && mesh_build_mend(build, err) && mesh_build_weld(build, err);
+	return sound && mesh_build_mend(build, err) && mesh_build_weld(build, err) &&
+	       mesh_build_look_at_normal_maps(build, err);
 }

@@ -29,6 +29,12 @@ vec2 uv_step(vec3 step, vec3 e1, vec3 e2, vec3 face, float area, vec2 d1, vec2 d
 	return (d1 * dot(cross(step, e2), face) + d2 * dot(cross(e1, step), face)) / area;
 }
 
+/* The vertical, in world axes, at a point relative to the camera. */
+vec3 vertical_at(vec3 at)
+{
+	return normalize(frame.vertical.xyz * (media.planet_radius + frame.camera_altitude) + at);
+}
+
 /* Chosen when the program is built: may any material have one? */
 #ifndef NORMAL_MAPS
 #define NORMAL_MAPS 1
@@ -69,7 +75,8 @@ Surface surface_hit(Triangle tri, vec3 from, vec3 d_world, float angle)
 	vec4 color = textureGrad(albedo_textures, texture_at(uv, max(m.textures.x, 0)), gx * rows, gy * rows);
 #if NORMAL_MAPS
 	vec3 texel = textureGrad(normal_textures, texture_at(uv, max(m.textures.y, 0)), gx * rows, gy * rows).xyz;
-	normal = m.textures.y >= 0 ? mapped_normal(texel, normal, along_u, along_v) : normal;
+	vec3 about = m.textures.z > 0 ? to_mesh(vertical_at(from + s.t * d_world)) : normal;
+	normal = m.textures.y >= 0 ? mapped_normal(texel, about, along_u, along_v) : normal;
 #endif
 	s.normal = mesh_to_world(normal);
 	s.face = mesh_to_world(unit);

@@ -27,7 +27,7 @@ struct Surface {
 
 struct Material {
 	vec4 diffuse, specular, ambient; /* w: shininess; opacity; 1 where the colours' alpha is a part of it */
-	ivec4 textures;                  /* layers of colour and normal map; -1: none */
+	ivec4 textures;                  /* layers of colour and normal map; -1: none; 1 where normals are about the vertical */
 };
 
 /* Octahedral map (Cigolle et al. 2014). */

@@ -154,6 +154,30 @@ struct mesh_header *lib_terrain_panes(int panes, float opacity, bool cut_out, co
 	return mesh;
 }
 
+struct mesh_header *lib_terrain_slope(enum lib_slope kind, const char *key)
+{
+	const bool mapped = kind != LIB_SLOPE_PLAIN;
+	struct mesh_header *mesh = allocate(4, 6, mapped, 4, key);
+	if (!mesh)
+		return NULL;
+	add_square(mesh, 0, 500, 300);
+	for (int i = 0; i < 4; i++)
+		vertices_of(mesh)[i].position[1] -= 0.5f * vertices_of(mesh)[i].position[0];
+	struct mesh_material *material = (struct mesh_material *)((char *)mesh + mesh->materials);
+	material->albedo_texture = -1;
+	if (mapped) {
+		struct mesh_texture *texture = (struct mesh_texture *)((char *)mesh + mesh->textures);
+		*texture = (struct mesh_texture){ 1, 1, rounded(mesh->textures + sizeof *texture), 0, 0 };
+		/* as (1, 0, 2) with length 1, of which no change is 127 */
+		const unsigned char normal[4] = { 184, 127, 241, 255 };
+		memcpy((char *)mesh + texture->pixels, normal, sizeof normal);
+		material->normal_texture = 0;
+		material->level_normals = kind == LIB_SLOPE_MAPPED;
+	}
+	find_bounds(mesh);
+	return mesh;
+}
+
 static void read_colours(struct mesh_header *mesh, png_image *image)
 {
 	struct mesh_texture *texture = (struct mesh_texture *)((char *)mesh + mesh->textures);

@@ -16,6 +16,11 @@ struct mesh_header *lib_terrain_triangles(const float (*corners)[9], uint32_t n,
  * cut_out: their western half is not there, by their texture. */
 struct mesh_header *lib_terrain_panes(int panes, float opacity, bool cut_out, const char *key);
 
+/* A slope of 1 km that falls to the east, by 1 m in 2; mapped: with a normal map which says so as well, about the
+ * vertical or, where it is wrongly taken for one of detail, about the slope. */
+enum lib_slope { LIB_SLOPE_PLAIN, LIB_SLOPE_MAPPED, LIB_SLOPE_TWICE };
+struct mesh_header *lib_terrain_slope(enum lib_slope kind, const char *key);
+
 /* ../shared/scenes/fuji, its colours in a texture, or without textures; NULL where it is not. */
 struct mesh_header *lib_terrain_fuji(bool textured, const char *key);
 

@@ -257,6 +257,58 @@ static void test_bumps_become_normals(void **state)
 	free(png);
 }
 
+/* Hills of N by N posts, 10 m apart, and a map of slopes: theirs, or others that know nothing of them; upright: the
+ * hills stand up as a wall. */
+static bool level_normals(bool theirs, bool upright)
+{
+	enum { N = 24 };
+	unsigned char rows[N * N * 3];
+	char *text = malloc(N * N * 128), *at = text;
+	assert_non_null(text);
+	at += sprintf(at, "mtllib a.mtl\nusemtl stone\n");
+	for (int j = 0; j < N; j++)
+		for (int i = 0; i < N; i++) {
+			const double h = 12 * sin(0.5 * i) * cos(0.4 * j),
+				     s[2] = { 0.6 * cos(0.5 * i) * cos(0.4 * j), 0.48 * sin(0.5 * i) * sin(0.4 * j) };
+			at += upright ? sprintf(at, "v %d %d %g\nvt %g %g\n", 10 * i, -10 * j, h, (i + 0.5) / N,
+						1 - (j + 0.5) / N)
+				      : sprintf(at, "v %d %g %d\nvt %g %g\n", 10 * i, h, 10 * j, (i + 0.5) / N,
+						1 - (j + 0.5) / N);
+			/* to the east and to the north; the others are of twice the frequency */
+			const double e = theirs ? s[0] : 0.5 * cos(1.0 * i), n = theirs ? s[1] : 0.5 * cos(0.8 * j),
+				     length = sqrt(1 + e * e + n * n);
+			rows[3 * (j * N + i)] = (unsigned char)lround(127.5 - 127.5 * e / length);
+			rows[3 * (j * N + i) + 1] = (unsigned char)lround(127.5 - 127.5 * n / length);
+			rows[3 * (j * N + i) + 2] = (unsigned char)lround(127.5 + 127.5 / length);
+		}
+	for (int j = 0; j + 1 < N; j++)
+		for (int i = 1; i < N; i++) {
+			const int a = j * N + i, b = a + N;
+			at += sprintf(at, "f %d/%d %d/%d %d/%d %d/%d\n", a, a, b, b, b + 1, b + 1, a + 1, a + 1);
+		}
+	size_t size;
+	unsigned char *png = scene_png(N, N, 8, 2, rows, &size);
+	static const char mtl[] = "newmtl stone\nnorm t.png\n";
+	const struct scene_file list[] = { { "a.obj", (const unsigned char *)text, (size_t)(at - text) },
+		{ "a.mtl", (const unsigned char *)mtl, strlen(mtl) }, { "t.png", png, size } };
+	struct read r = read_list(list, 3);
+	expect_sound(&r, 2 * (N - 1) * (N - 1));
+	const bool level = r.build.materials[0].level_normals;
+	mesh_build_finish(&r.build);
+	free(png);
+	free(text);
+	return level;
+}
+
+/* A normal map made of a terrain's own heights would have its slopes twice on the mesh's normals. */
+static void test_normal_maps_of_terrain(void **state)
+{
+	(void)state;
+	assert_true(level_normals(true, false));
+	assert_false(level_normals(false, false));
+	assert_false(level_normals(true, true));
+}
+
 static void test_faults_of_materials(void **state)
 {
 	(void)state;
@@ -537,6 +589,7 @@ int main(void)
 		cmocka_unit_test(test_materials),
 		cmocka_unit_test(test_opacity_maps),
 		cmocka_unit_test(test_bumps_become_normals),
+		cmocka_unit_test(test_normal_maps_of_terrain),
 		cmocka_unit_test(test_faults_of_materials),
 		cmocka_unit_test(test_height_map),
 		cmocka_unit_test(test_faults_of_scene_json),
