@@ -41,13 +41,22 @@ static bool choose(struct workspace *ws, const struct frame *f, const struct cho
 
 static bool choose_lattice(struct workspace *ws, struct frame *f, const char *choices, struct error *err)
 {
+	static const char pass[] = "cloud-lattice";
 	const struct choice programs[] = { { &f->cloud_lattice.corners, "clouds.comp", CLOUD_RAYS_CORNERS },
 		{ &f->cloud_lattice.fill_lattice, "cloud_fill.comp", CLOUD_RAYS_LATTICE },
 		{ &f->cloud_lattice.lattice, "clouds.comp", CLOUD_RAYS_LATTICE },
 		{ &f->cloud_lattice.fill_pixels, "cloud_fill.comp", CLOUD_RAYS_PIXELS },
 		{ &f->cloud_lattice.pixels, "clouds.comp", CLOUD_RAYS_PIXELS } };
-	if (!by_fewer_rays(f) || !(f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION))
+	if (!(f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION) || f->job.kind != WELKIN_JOB_IMAGE)
 		return true;
+	if (!by_fewer_rays(f)) {
+		planner_note(&f->plan, pass, false, "half_resolution: %s",
+			f->plan.features & FEATURE_SURFACES ? "pixels of a scene are marched one by one"
+							    : "the image is too small for cells of 4 by 4 pixels");
+		return true;
+	}
+	if (!f->job.request.clouds.reprojection || !f->job.sequence) /* the line cloud-history says more */
+		planner_note(&f->plan, pass, true, "half_resolution: every fourth pixel, others where these differ");
 	return choose(ws, f, programs, sizeof programs / sizeof programs[0], choices, err);
 }
 

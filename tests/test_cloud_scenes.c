@@ -47,6 +47,8 @@ struct image {
 	int n;
 	float (*rgba)[4]; /* linear light, and the other planes */
 	const float *depth;
+	const char *lattice; /* what the plan says of half_resolution, static; "": nothing */
+	bool on_lattice;
 };
 
 #define COMMON                                                                                                         \
@@ -73,6 +75,18 @@ struct scene {
 	int shadow, shafts;
 };
 
+static void note_lattice(const struct welkin_result *result, struct image *image)
+{
+	static char why[sizeof result->plan[0].why];
+	image->lattice = "";
+	for (int i = 0; i < result->n_plan; i++)
+		if (!strcmp(result->plan[i].pass, "cloud-lattice")) {
+			memcpy(why, result->plan[i].why, sizeof why);
+			image->lattice = why;
+			image->on_lattice = result->plan[i].ran;
+		}
+}
+
 static struct image image_of(const struct scene *scene, const char *format, ...)
 {
 	char query[1536];
@@ -97,8 +111,10 @@ static struct image image_of(const struct scene *scene, const char *format, ...)
 		fail_msg("%s: %s", query, result.message);
 	assert_int_equal(result.nonfinite, 0);
 	const struct welkin_image_layout at = welkin_image_layout(&request.image);
-	return (struct image){ request.image.width * request.image.height, pixels,
+	struct image image = { request.image.width * request.image.height, pixels,
 		(const float *)(const void *)((const char *)pixels + at.depth) };
+	note_lattice(&result, &image);
+	return image;
 }
 
 static double luminance(const float rgba[4])
@@ -204,6 +220,28 @@ static void plates_are_as_bright_as_ground(void **state)
 	(void)state;
 	plate_and_ground("clouds.coverage");
 	plate_and_ground("clouds.high.coverage");
+}
+
+/* Under a scene half_resolution does nothing; the reply says so. */
+static void the_plan_says_what_is_marched(void **state)
+{
+	(void)state;
+	static const struct {
+		const char *key, *size, *says;
+		bool on_lattice;
+	} cases[] = { { "", "image.width=288&image.height=162", "every fourth pixel", true },
+		{ "", "image.width=32&image.height=18", "too small", false },
+		{ plate_key, "image.width=288&image.height=162", "pixels of a scene are marched one by one", false } };
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		const struct scene scene = { cases[i].key, 2400, WELKIN_SHADOW_OFF, WELKIN_SHAFTS_NONE };
+		struct image image = image_of(&scene,
+			COMMON "atmosphere.method=sky_view&clouds.coverage=0.3&camera.position_m=0,3400,1000&"
+			       "camera.heading_deg=0&camera.pitch_deg=-48&sun.elevation_deg=50&%s",
+			cases[i].size);
+		assert_int_equal(image.on_lattice, cases[i].on_lattice);
+		assert_non_null(strstr(image.lattice, cases[i].says));
+		free(image.rgba);
+	}
 }
 
 static struct image mountain(int shafts, double coverage)
@@ -369,6 +407,7 @@ int main(void)
 		cmocka_unit_test(plates_are_as_bright_as_ground),
 		cmocka_unit_test(air_is_shaded_once),
 		cmocka_unit_test(ridges_have_no_halos),
+		cmocka_unit_test(the_plan_says_what_is_marched),
 		cmocka_unit_test(peaks_shade_clouds),
 		cmocka_unit_test(paths_meet_slopes_under_clouds),
 		cmocka_unit_test(default_agrees_with_paths),
