@@ -178,6 +178,7 @@ struct frame *frame_create(struct workspace *ws, const struct welkin_job *job, i
 		return NULL;
 	}
 	prepare(f);
+	tables_begin_slice(ws->tables, f->order); /* what a scene needs is this frame's, not that of the slice before */
 	if (job->kind != WELKIN_JOB_NOISE && !choose_programs(ws, f, err)) {
 		frame_destroy(ws, f);
 		return NULL;

@@ -1,6 +1,7 @@
 #include "gpu/scenery.h"
 
 #include "gpu/frame.h"
+#include "gpu/open_sky.h"
 #include "gpu/shadow.h"
 #include "gpu/shafts.h"
 #include "gpu/sky_tables.h"
@@ -160,26 +161,6 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	return (!draws(f) || (s->draw && s->list_drawn && s->gather)) && s->cast && s->list && s->light;
 }
 
-/* Open sky of some more vertices: once for a mesh, over as many slices as it takes. */
-static enum table_state find_open_sky(struct workspace *ws, struct surfaces *s, struct error *err)
-{
-	enum { VERTICES_PER_SLICE = 4096 };
-	const uint32_t left = s->n_vertices - s->ambient_done,
-		       n = left < VERTICES_PER_SLICE ? left : VERTICES_PER_SLICE;
-	if (n == 0 || s->n_triangles == 0)
-		return TABLE_READY;
-	struct pass pass = { .name = "open-sky",
-		.program = programs_get(ws->programs, "surfaces_ambient.comp", "", err),
-		.tile = { (int)s->ambient_done, 0, (int)n, 1 },
-		.threads = { (int)n, 1, 1 } };
-	if (!pass.program)
-		return TABLE_FAILED;
-	surfaces_bind(s, ws->passes, pass.storage);
-	passes_run(ws->passes, &pass);
-	s->ambient_done += n;
-	return TABLE_BUILDING;
-}
-
 enum table_state scenery_bind(struct workspace *ws, struct frame *f, struct error *err)
 {
 	struct scenery *s = &f->scenery;
@@ -191,7 +172,8 @@ enum table_state scenery_bind(struct workspace *ws, struct frame *f, struct erro
 	if (f->scene.frame.features & FEATURE_SHADOWS &&
 		!shadow_need(ws->tables, ws->passes, ws->programs, s->surfaces, &f->scene.surfaces, err))
 		return TABLE_FAILED;
-	return f->plan.features & FEATURE_SURFACES ? find_open_sky(ws, s->surfaces, err) : TABLE_READY;
+	return f->plan.features & FEATURE_SURFACES ? open_sky_need(ws->passes, ws->programs, s->surfaces, f->mesh, err)
+						   : TABLE_READY;
 }
 
 enum table_state scenery_tables(struct workspace *ws, const struct frame *f, int batch, struct error *err)

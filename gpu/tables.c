@@ -151,10 +151,15 @@ static void use(struct frame_tables *tables, struct table *table)
 }
 
 /* Tables of the slice in hand stay, and so do those of older frames: were two frames to take each other's
- * unfinished tables away, neither would ever be done. */
+ * unfinished tables away, neither would ever be done. What is not a table stays for all of its own frame: a mesh larger
+ * than the budget would be made anew in every slice, and its frame never be done. */
 static bool may_go(const struct frame_tables *tables, const struct table *table)
 {
-	return table->used < tables->pinned && (!tables->holder || !table->holder || table->holder >= tables->holder);
+	if (table->used >= tables->pinned)
+		return false;
+	if (!tables->holder || !table->holder)
+		return true;
+	return table->object ? table->holder > tables->holder : table->holder >= tables->holder;
 }
 
 /* A free slot, after letting go of the tables that were used longest ago, down to what leaves room

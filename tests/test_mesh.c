@@ -1,4 +1,5 @@
 /* Meshes between processes: what a block may hold, the renderer's store of them, and where a scene stands. */
+#include "gpu/open_sky.h"
 #include "gpu/placing.h"
 #include "gpu/scene_store.h"
 #include "tests/lib_mesh.h"
@@ -228,6 +229,41 @@ static void test_there_and_back(void **state)
 		}
 }
 
+/* ---- open sky ---- */
+
+/* Of a grid whose vertices look different ways by turns, neighbours together look all ways. */
+static void test_open_sky_of_neighbours(void **state)
+{
+	(void)state;
+	enum { N = 67 };
+	static const float by_turns[4][4] = { { 0 }, { 0.1f, -0.1f }, { 0.1f, 0, -0.1f },
+		{ 0.1f, -0.05f, 0.05f, -0.1f } };
+	static float open[N * N];
+	static uint32_t corners[6 * N * N];
+	double worst = 0;
+	for (int stride = 1; stride <= 4; stride++)
+		for (int width = N - 3; width <= N; width++) {
+			uint32_t n = 0;
+			for (int i = 0; i < width * width; i++)
+				open[i] = 0.5f + 0.003f * (float)(i % width) + by_turns[stride - 1][i % stride];
+			for (int y = 0; y + 1 < width; y++)
+				for (int x = 0; x + 1 < width; x++, n += 6) {
+					const uint32_t a = (uint32_t)(y * width + x), b = a + (uint32_t)width;
+					const uint32_t two[6] = { a, b, a + 1, a + 1, b, b + 1 };
+					memcpy(corners + n, two, sizeof two);
+				}
+			assert_true(open_sky_smooth(open, (uint32_t)(width * width), corners, n / 3));
+			for (int y = 1; y + 1 < width; y++)
+				for (int x = 1; x + 1 < width; x++) {
+					const double off = fabs((double)open[y * width + x] - 0.5 - 0.003 * x);
+					worst = fmax(worst, off);
+					assert_true(stride > 1 || off < 1e-6);
+				}
+		}
+	print_message("vertices that are 0.1 off by turns: %.3f with their neighbours\n", worst);
+	assert_true(worst < 0.04);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -239,6 +275,7 @@ int main(void)
 		cmocka_unit_test(test_a_scene_at_the_place),
 		cmocka_unit_test(test_a_scene_elsewhere),
 		cmocka_unit_test(test_there_and_back),
+		cmocka_unit_test(test_open_sky_of_neighbours),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

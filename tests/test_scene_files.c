@@ -527,6 +527,37 @@ static void test_time_and_memory_end(void **state)
 #endif
 }
 
+/* Two million triangles of a height map, in half a GiB. */
+static void test_a_large_height_map(void **state)
+{
+	(void)state;
+	enum { N = 1025 };
+	struct error err = { "" };
+	char folder[128];
+	size_t size;
+	unsigned char *heights = malloc(2 * N * N);
+	assert_non_null(heights);
+	for (int i = 0; i < N * N; i++) {
+		const unsigned h = (unsigned)(30000 + 20000 * sin(0.02 * (i % N)) * cos(0.017 * (double)(i / N)));
+		heights[2 * i] = (unsigned char)(h >> 8);
+		heights[2 * i + 1] = (unsigned char)h;
+	}
+	unsigned char *png = scene_png(N, N, 16, 0, heights, &size);
+	scene_dir_write(dir, "dem", "h.png", png, size);
+	scene_dir_text(dir, "dem", "scene.json",
+		"{\"heightmap\":{\"file\":\"h.png\",\"spacing_m\":30,\"low_m\":0,\"high_m\":6553.5}}");
+	free(png);
+	free(heights);
+	snprintf(folder, sizeof folder, "%s/dem", dir);
+#if defined(__SANITIZE_ADDRESS__)
+	const size_t memory = plenty;
+#else
+	const size_t memory = (size_t)512 << 20;
+#endif
+	if (load_folder(folder, 60, memory, &err) != LOADED)
+		fail_msg("%s", err.text);
+}
+
 static void test_models_of_debian(void **state)
 {
 	(void)state;
@@ -597,6 +628,7 @@ int main(void)
 		cmocka_unit_test(test_made_scenes),
 		cmocka_unit_test_setup_teardown(test_a_folder_through_the_process, make_dir, remove_dir),
 		cmocka_unit_test_setup_teardown(test_time_and_memory_end, make_dir, remove_dir),
+		cmocka_unit_test_setup_teardown(test_a_large_height_map, make_dir, remove_dir),
 		cmocka_unit_test_setup_teardown(test_models_of_debian, make_dir, remove_dir),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -713,6 +713,42 @@ static void awkward_meshes(void **state)
 	}
 }
 
+/* The most memory that the renderer has had, in MiB. */
+static double renderer_peak_mib(void)
+{
+	char path[64], line[256];
+	double kib = 0;
+	snprintf(path, sizeof path, "/proc/%d/status", (int)renderer.pid);
+	FILE *file = fopen(path, "r");
+	assert_non_null(file);
+	while (fgets(line, sizeof line, file))
+		if (strncmp(line, "VmHWM:", 6) == 0)
+			kib = strtod(line + 6, NULL);
+	fclose(file);
+	return kib / 1024;
+}
+
+static void two_million_triangles(void **state)
+{
+	(void)state;
+	static const char key[] = "0123456789abcdef0123456789abcde3";
+	struct mesh_header *mesh = lib_terrain_mountain(1025, 32000, key);
+	assert_true(mesh && lib_terrain_send(&renderer, mesh));
+	const struct welkin_request r = view("sky_view", -14000, 3000, 0, 90, 15);
+	struct picture p = render(&r, key);
+	size_t met = 0;
+	for (size_t i = 0; i < p.n; i++)
+		met += p.depth[i] < 40e3f;
+	print_message("%u triangles: %.0f ms, the renderer's peak %.0f MiB\n", mesh->n_indices / 3, p.result.render_ms,
+		renderer_peak_mib());
+	assert_true(mesh->n_indices / 3 > 2000000 && met > p.n / 4);
+#if !defined(__SANITIZE_ADDRESS__)
+	assert_true(renderer_peak_mib() < 1024);
+#endif
+	free(p.pixels);
+	free(mesh);
+}
+
 /* ---- the plan ---- */
 
 static void the_plan_leaves_out_what_cannot_matter(void **state)
@@ -805,6 +841,7 @@ int main(void)
 		cmocka_unit_test(fuji_agrees_with_the_reference),
 		cmocka_unit_test(awkward_views),
 		cmocka_unit_test(awkward_meshes),
+		cmocka_unit_test(two_million_triangles),
 		cmocka_unit_test(the_plan_leaves_out_what_cannot_matter),
 		cmocka_unit_test(a_kept_drawing_is_of_the_same_view),
 		cmocka_unit_test(strips_change_nothing),

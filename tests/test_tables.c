@@ -171,6 +171,31 @@ static void other_objects(void **state)
 	assert_int_equal(destroyed, 3);
 }
 
+/* An object larger than the budget, as of a large mesh, is made once for a frame of many slices, and goes after it. */
+static void objects_last_for_their_frame(void **state)
+{
+	(void)state;
+	static const char kind;
+	static int object = 1;
+	struct error err = { "" };
+	struct frame_tables *tables = tables_of(2);
+	destroyed = 0;
+	for (int slice = 0; slice < 3; slice++) {
+		tables_begin_slice(tables, 7);
+		assert_true(need(tables, (char)('a' + slice))); /* before the object is looked for */
+		if (slice == 0)
+			assert_true(tables_keep(tables, &kind, "m", 1, &object, 1e9, destroy, &err));
+		else
+			assert_non_null(tables_kept(tables, &kind, "m", 1));
+	}
+	assert_int_equal(destroyed, 0);
+	tables_release(tables, 7);
+	tables_begin_slice(tables, 8);
+	assert_true(need(tables, 'd'));
+	assert_int_equal(destroyed, 1);
+	tables_destroy(tables);
+}
+
 /* Two frames whose tables take many runs and don't fit together: the older gets on, the younger waits; neither
  * takes away what the other has begun for ever. */
 static void frames_dont_starve_each_other(void **state)
@@ -239,6 +264,7 @@ int main(void)
 		cmocka_unit_test(a_hundred_keys),
 		cmocka_unit_test(written_and_bound),
 		cmocka_unit_test(other_objects),
+		cmocka_unit_test(objects_last_for_their_frame),
 		cmocka_unit_test(frames_dont_starve_each_other),
 		cmocka_unit_test(faults),
 	};
