@@ -80,7 +80,7 @@ Shaded shaded_along(vec3 d, float t_end)
 		if (min(bound[k + 1], end) > bound[k])
 			stretch[n++] = vec3(bound[k], min(bound[k + 1], end), open[k]);
 	Shaded s = none;
-	if (clouds.weather.z > 0.0 && n > 0) {
+	if (n > 0) {
 		vec4 near_L, near_T, far_L, far_T;
 		aerial_perspective(d, ray.start, near_L, near_T);
 		int k = 0;
@@ -170,6 +170,9 @@ vec4 cloud_radiance(vec3 d, vec4 answer, float t, float lit)
 	sky_halves(at, mu_s, down, back);
 	down *= cloud_around(q, CLOUD_AROUND_GAIN);
 	back *= cloud_around(q, CLOUD_AROUND_LIT);
+	/* the high layer shades those below, not itself */
+	float below = clamp((clouds.high_altitude - q.y) / max(clouds.high_altitude - clouds.top, 1.0), 0.0, 1.0);
+	lit *= mix(1.0, cloud_high_left(q, cloud_direction(sun, up, q)).y, below);
 	return sunlight_at(at, mu_s) * (lit * answer.y) + (down * answer.z + back * answer.w) / PI;
 }
 

@@ -89,6 +89,8 @@ AirLight cloud_air_at(vec3 q, vec3 to_sun, float apart)
 	return AirLight(straight, mix(cloud_around_of_level(at, fine, layer), cloud_around_of_level(at, wide, layer), levels.z));
 }
 
+vec2 cloud_high_left(vec3 q, vec3 to_sun);
+
 /* Samples of light in the air: as far apart as that, but no fewer and no more than so many. Above the layer, where all of the sun is seen, light is smooth. */
 const float AIR_STEP = 4000.0; /* m: with fewer, lines show towards the horizon */
 const float AIR_FEWEST = 6.0, AIR_MOST = 32.0, AIR_MOST_ABOVE = 4.0;
@@ -102,9 +104,13 @@ AirLight cloud_air_light(CloudRay ray, vec2 stretch)
 	AirLight sum = AirLight(0.0, vec4(0.0));
 	do {
 		vec3 q = cloud_point(ray, mix(stretch.x, stretch.y, (float(i) + 0.5) / float(n)));
-		AirLight light = cloud_air_at(q, cloud_direction(sun, up, q), (stretch.y - stretch.x) / float(n));
-		sum.straight += light.straight;
-		sum.diffuse += light.diffuse;
+		vec3 to_sun = cloud_direction(sun, up, q);
+		AirLight light = AirLight(1.0, vec4(1.0));
+		if (clouds.weather.z > 0.0)
+			light = cloud_air_at(q, to_sun, (stretch.y - stretch.x) / float(n));
+		float left = cloud_high_left(q, to_sun).x;
+		sum.straight += light.straight * left;
+		sum.diffuse += light.diffuse * left;
 	} while (++i < n);
 	return AirLight(sum.straight / float(n), sum.diffuse / float(n));
 }
@@ -131,14 +137,32 @@ vec4 cloud_light_on(vec3 q, vec3 to_sun)
  * level plane, per sun irradiance of 1 on a plane that faces it. That by the two-stream solution for a sheet in the scaled medium
  * (Joseph, Wiscombe & Weinman 1976, over black ground), of which an absorbing sheet sends the share of its albedo.
  */
+vec2 cloud_high_leaves(float depth, float mu)
+{
+	float scaled = (1.0 - cloud_straight_share()) * depth, e = exp(-scaled / mu);
+	float R = 1.0 - (2.0 / 3.0 + mu + (2.0 / 3.0 - mu) * e) / (4.0 / 3.0 + scaled);
+	return vec2(exp(-cloud_light_scale() * depth / mu), clouds.albedo * mu * max(1.0 - R - e, 0.0));
+}
+
 vec2 cloud_high_shadow(vec3 q, vec3 to_sun)
 {
 	if (!high_present() || q.y >= clouds.high_altitude || to_sun.y <= 0.0)
 		return vec2(1.0, 0.0);
 	float mu = max(to_sun.y, HIGH_LEAST_MU), depth = high_depth(q + to_sun * ((clouds.high_altitude - q.y) / mu));
-	float scaled = (1.0 - cloud_straight_share()) * depth, e = exp(-scaled / mu);
-	float R = 1.0 - (2.0 / 3.0 + mu + (2.0 / 3.0 - mu) * e) / (4.0 / 3.0 + scaled);
-	return vec2(exp(-cloud_light_scale() * depth / mu), clouds.albedo * mu * max(1.0 - R - e, 0.0));
+	return cloud_high_leaves(depth, mu);
+}
+
+/* What it leaves of the sun's light, with what it diffuses downwards: x for the air at q, which scatters light from all directions alike,
+ * y for a deck of clouds there, which has it by the cosine. The sheet is a shell: light of a sun at the horizon comes through it at a
+ * slant. */
+vec2 cloud_high_left(vec3 q, vec3 to_sun)
+{
+	float rise = clouds.high_altitude - q.y;
+	if (!high_present() || rise <= 0.0)
+		return vec2(1.0);
+	float mu = sqrt(to_sun.y * to_sun.y + 2.0 * rise / media.planet_radius), way = 2.0 * rise / max(mu + to_sun.y, 1e-3);
+	vec2 left = cloud_high_leaves(high_depth(q + to_sun * way), mu);
+	return left.x + left.y * vec2(2.0, 1.0 / mu);
 }
 
 /* Light that clouds leave, as cloud_ground_light() has it, once the sun has come through the high layer. */

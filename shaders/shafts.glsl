@@ -63,11 +63,12 @@ ShaftRay shaft_ray(vec3 d)
 float shaft_under_clouds(ShaftRay ray, float t)
 {
 #ifdef CLOUDS
-	vec3 q = cloud_point(ray.in_clouds, t);
-	if (clouds.weather.z > 0.0)
-		return cloud_sun_share(q, cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q));
-#endif
+	vec3 q = cloud_point(ray.in_clouds, t), to_sun = cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q);
+	float share = clouds.weather.z > 0.0 ? cloud_sun_share(q, to_sun) : 1.0;
+	return share * cloud_high_left(q, to_sun).x;
+#else
 	return 1.0;
+#endif
 }
 
 /* What scatters sunlight towards the camera, 1/m/sr, by density. */

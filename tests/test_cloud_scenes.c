@@ -192,6 +192,38 @@ static void slopes_are_under_the_high_layer(void **state)
 	}
 }
 
+/* The air below it, over black ground, has light of that sun alone; above it nothing changes. */
+static void air_is_under_the_high_layer(void **state)
+{
+	(void)state;
+	const double tau = 1;
+	for (int above = 0; above < 2; above++)
+		for (double elevation = 25; elevation <= 90; elevation += 30) {
+			double of[2];
+			for (int there = 0; there < 2; there++) {
+				const struct scene scene = { "", 0, WELKIN_SHADOW_OFF, WELKIN_SHAFTS_NONE };
+				struct image i = image_of(&scene,
+					COMMON DEFAULT SLAB
+					"ground.albedo=0,0,0&clouds.albedo=0&sun.azimuth_deg=180&clouds.coverage=0&"
+					"clouds.high.coverage=%d&clouds.high.optical_depth=%g&clouds.high.altitude_m=%"
+					"g&"
+					"camera.altitude_m=7000&camera.heading_deg=0&camera.pitch_deg=-50&"
+					"camera.fov_deg=30&sun.elevation_deg=%g",
+					there, tau, above ? 100.0 : 8500.0, elevation);
+				of[there] = mean(&i);
+				free(i.rgba);
+			}
+			const double share = of[1] / of[0], slant = tau / sin(elevation * (M_PI / 180));
+			print_message("air %s the high layer, sun at %g deg: %.4f of the light, exp(-tau / mu) is "
+				      "%.4f\n",
+				above ? "above" : "under", elevation, share, exp(-slant));
+			if (above)
+				assert_true(share > 0.97 && share < 1.03);
+			else
+				assert_true(share >= 0.999 * exp(-slant) && share <= exp(-0.78 * slant) * 1.01);
+		}
+}
+
 /* Of light that white clouds spread, as much falls on a level plate as on level ground at its place. */
 static void plate_and_ground(const char *layer)
 {
@@ -404,6 +436,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(slopes_are_under_clouds),
 		cmocka_unit_test(slopes_are_under_the_high_layer),
+		cmocka_unit_test(air_is_under_the_high_layer),
 		cmocka_unit_test(plates_are_as_bright_as_ground),
 		cmocka_unit_test(air_is_shaded_once),
 		cmocka_unit_test(ridges_have_no_halos),
