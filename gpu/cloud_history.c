@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { HISTORIES = 4, PIXEL_BYTES = 16, BLOCK = 4, BLOCK_BYTES = 32 };
+enum { HISTORIES = 4, PIXEL_BYTES = 16, BLOCK_BYTES = 32 };
 
 static const size_t most_bytes = (size_t)512 << 20;
 
@@ -245,7 +245,7 @@ static bool make_room(struct cloud_histories *all, struct cloud_history *h, size
 /* Blocks of an image along an axis; cloud_history.glsl. */
 static int blocks_across(int pixels)
 {
-	return (pixels + BLOCK - 1) / BLOCK;
+	return (pixels + CLOUD_BLOCK - 1) / CLOUD_BLOCK;
 }
 
 /* Where the frame's clouds are kept; NULL: nowhere. */

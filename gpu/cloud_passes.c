@@ -93,16 +93,22 @@ static bool choose_shade(struct workspace *ws, struct frame *f, const char *comp
 	       (f->cloud_shade.fill = programs_get(ws->programs, "cloud_shade.comp", fill, err));
 }
 
+/* Cells of so many pixels, counted from the image's edge, that a tile touches along an axis. */
+static int cells_across(int from, int pixels, int cell)
+{
+	return (from + pixels - 1) / cell - from / cell + 1;
+}
+
 /* Points of a tile's lattice along an axis; cloud_lattice.glsl. */
 static int lattice_across(int from, int pixels)
 {
-	return ((from + pixels - 1) / 4 - from / 4 + 1) * 2 + 1;
+	return cells_across(from, pixels, CLOUD_LATTICE_CELL) * (CLOUD_LATTICE_CELL / 2) + 1;
 }
 
 /* Cells of shade along an axis; cloud_lattice.glsl. */
 static int shade_cells(int from, int pixels)
 {
-	return (from + pixels - 1) / 8 - from / 8 + 1;
+	return cells_across(from, pixels, CLOUD_SHADE_CELL);
 }
 
 /* Does the image have a layer of them? */
@@ -115,7 +121,7 @@ static bool layered(const struct frame *f)
 /* Blocks that a tile has along an axis; cloud_history.glsl. */
 static int blocks_across(int from, int pixels)
 {
-	return (from + pixels - 1) / 4 - from / 4 + 1;
+	return cells_across(from, pixels, CLOUD_BLOCK);
 }
 
 bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error *err)

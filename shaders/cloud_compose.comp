@@ -118,7 +118,7 @@ int course(vec3 d, float angle)
 	if (ground < 0.0)
 		return COURSE_IN_AIR + int(below.y > below.x) + int(within.y > within.x);
 	/* of the table of shadows, which is linear between its cells, a cell of shade should see half a one at most */
-	float seen = float(SHADE_CELL) * angle * (ray.start + ground) / max(-mu_at(ray.h, ray.mu, ground, 0.0), 1e-6);
+	float seen = float(CLOUD_SHADE_CELL) * angle * (ray.start + ground) / max(-mu_at(ray.h, ray.mu, ground, 0.0), 1e-6);
 	vec3 q = cloud_grid_home(cloud_point(ray, ray.start + ground));
 	return seen <= 0.25 * clouds.grid[cloud_grid_level(q, 0)].z ? COURSE_TO_NEAR_GROUND : COURSE_TO_GROUND;
 }

@@ -6,14 +6,12 @@
  */
 #include "cloud_lattice.glsl"
 
-const int BLOCK = 4;
-
 /* x, y: the pixel of a block that this frame marches; z: 1 where nothing has moved since the frame before. */
 layout(location = LOCATION_SAMPLES) uniform ivec4 samples;
 
 ivec2 block_last()
 {
-	return (ivec2(frame.width, frame.height) - 1) / BLOCK;
+	return (ivec2(frame.width, frame.height) - 1) / CLOUD_BLOCK;
 }
 
 /* Where it is among all of the image. */
@@ -25,7 +23,7 @@ int block_number(ivec2 block)
 /* The pixel that stands for a block; those that the image cuts off have theirs at its edge. */
 ivec2 block_pixel(ivec2 block)
 {
-	return min(BLOCK * block + samples.xy, ivec2(frame.width, frame.height) - 1);
+	return min(CLOUD_BLOCK * block + samples.xy, ivec2(frame.width, frame.height) - 1);
 }
 
 /* Two other distances as parts of the first, which may be 0. */

@@ -8,8 +8,6 @@
 
 layout(binding = UNIT_CLOUD_LATTICE) uniform samplerBuffer cloud_lattice_texels;
 
-const int LATTICE_CELL = 4;
-
 /* How far neighbours may differ: of what they show, relative to it; of what comes through; of distance, relative. */
 const float ALIKE = 0.10, ALIKE_THROUGH = 0.05, ALIKE_DISTANCE = 0.25;
 /* What sky and ground are to the sun, about, by day. */
@@ -64,13 +62,13 @@ Sight between(Sight a, Sight b, Sight c, Sight d, vec2 x)
 /* The lattice's first pixel; points along each axis, 2 pixels apart but for the last, which stays in the image. */
 ivec2 lattice_origin(ivec4 tile)
 {
-	return tile.xy / LATTICE_CELL * LATTICE_CELL;
+	return tile.xy / CLOUD_LATTICE_CELL * CLOUD_LATTICE_CELL;
 }
 
 ivec2 lattice_size(ivec4 tile)
 {
-	ivec2 cells = (tile.xy + tile.zw - 1) / LATTICE_CELL - tile.xy / LATTICE_CELL + 1;
-	return cells * (LATTICE_CELL / 2) + 1;
+	ivec2 cells = (tile.xy + tile.zw - 1) / CLOUD_LATTICE_CELL - tile.xy / CLOUD_LATTICE_CELL + 1;
+	return cells * (CLOUD_LATTICE_CELL / 2) + 1;
 }
 
 ivec2 lattice_pixel(ivec4 tile, ivec2 point)
@@ -79,16 +77,14 @@ ivec2 lattice_pixel(ivec4 tile, ivec2 point)
 }
 
 /* What clouds shade is smoother: its cells are larger, and there are but corners (cloud_shade.comp). */
-const int SHADE_CELL = 8;
-
 ivec2 shade_cells(ivec4 tile)
 {
-	return (tile.xy + tile.zw - 1) / SHADE_CELL - tile.xy / SHADE_CELL + 1;
+	return (tile.xy + tile.zw - 1) / CLOUD_SHADE_CELL - tile.xy / CLOUD_SHADE_CELL + 1;
 }
 
 ivec2 shade_corner(ivec4 tile, ivec2 corner)
 {
-	return min((tile.xy / SHADE_CELL + corner) * SHADE_CELL, ivec2(frame.width, frame.height) - 1);
+	return min((tile.xy / CLOUD_SHADE_CELL + corner) * CLOUD_SHADE_CELL, ivec2(frame.width, frame.height) - 1);
 }
 
 /* Direction of a pixel in the world; w: its solid angle, negative where it shows nothing. */

@@ -187,7 +187,7 @@ void fill(ivec2 pixel, int i, Sight s[4], vec2 x, Around a)
 void main()
 {
 	int n = int(gl_GlobalInvocationID.x);
-	ivec2 first = tile.xy / BLOCK, count = (tile.xy + tile.zw - 1) / BLOCK - first + 1;
+	ivec2 first = tile.xy / CLOUD_BLOCK, count = (tile.xy + tile.zw - 1) / CLOUD_BLOCK - first + 1;
 #if RAYS == CLOUD_RAYS_PIXELS
 	if (n >= list_length(CLOUD_LIST_POINTS))
 		return;
@@ -205,12 +205,12 @@ void main()
 #endif
 	int k = 0;
 	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
-		ivec2 within = ivec2(k & 3, k >> 2), side = ivec2(greaterThanEqual(within, samples.xy)), low = block + side - 1;
-		ivec2 pixel = BLOCK * block + within, at = pixel - tile.xy;
+		ivec2 within = ivec2(k % CLOUD_BLOCK, k / CLOUD_BLOCK), side = ivec2(greaterThanEqual(within, samples.xy)), low = block + side - 1;
+		ivec2 pixel = CLOUD_BLOCK * block + within, at = pixel - tile.xy;
 		if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, tile.zw)))
 			continue;
 		Sight s[4] = Sight[4](marched(low), marched(low + ivec2(1, 0)), marched(low + ivec2(0, 1)), marched(low + 1));
-		vec2 off = vec2(within - samples.xy + BLOCK * (1 - side)) / float(BLOCK);
+		vec2 off = vec2(within - samples.xy + CLOUD_BLOCK * (1 - side)) / float(CLOUD_BLOCK);
 		int i = at.y * tile.z + at.x;
 #if RAYS == CLOUD_RAYS_BLOCKS
 		if (pixel == own)
@@ -223,5 +223,5 @@ void main()
 		if (pixel != own)
 			fill(pixel, i, s, off, a);
 #endif
-	} while (++k < BLOCK * BLOCK);
+	} while (++k < CLOUD_BLOCK * CLOUD_BLOCK);
 }

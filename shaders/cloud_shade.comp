@@ -38,7 +38,7 @@ void main()
 	ivec2 cells = shade_cells(tile), row = ivec2(n % cells.x, tile.y + n / cells.x);
 	if (n >= cells.x * tile.w)
 		return;
-	ivec2 cell = ivec2(row.x, row.y / SHADE_CELL - tile.y / SHADE_CELL), from = shade_corner(tile, cell), to = shade_corner(tile, cell + 1);
+	ivec2 cell = ivec2(row.x, row.y / CLOUD_SHADE_CELL - tile.y / CLOUD_SHADE_CELL), from = shade_corner(tile, cell), to = shade_corner(tile, cell + 1);
 	int across = cells.x + 1, at = cell.y * across + cell.x;
 	ivec4 corner = 3 * ivec4(at, at + 1, at + across, at + across + 1);
 	vec4 a = lattice_value(corner.x + 2), b = lattice_value(corner.y + 2), c = lattice_value(corner.z + 2), d = lattice_value(corner.w + 2);
@@ -49,7 +49,7 @@ void main()
 	float range_open = range_of(open), range_behind = range_of(behind), down = clamp(float(row.y - from.y) / float(max(to.y - from.y, 1)), 0.0, 1.0);
 	vec4 open_left = mix(open[0], open[2], down), open_right = mix(open[1], open[3], down);
 	vec4 behind_left = mix(behind[0], behind[2], down), behind_right = mix(behind[1], behind[3], down);
-	int column = max(from.x, tile.x), end = min(from.x + SHADE_CELL, tile.x + tile.z);
+	int column = max(from.x, tile.x), end = min(from.x + CLOUD_SHADE_CELL, tile.x + tile.z);
 	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
 		int i = (row.y - tile.y) * tile.z + column - tile.x;
 		vec4 light = texelFetch(cloud_light_texels, i), sky = texelFetch(radiance_texels, i);

@@ -230,6 +230,13 @@ typedef unsigned int uint;
 #define CLOUD_RAYS_LATTICE 2
 #define CLOUD_RAYS_PIXELS 3
 #define CLOUD_RAYS_BLOCKS 4
+
+/* Sides in pixels: of a block, of which a frame that follows another marches one pixel (cloud_history.glsl); of the cells that fewer rays are
+ * marched at the corners of, and of those that shade is worked out at the corners of (cloud_lattice.glsl). */
+#define CLOUD_BLOCK 4
+#define CLOUD_LATTICE_CELL 4
+#define CLOUD_SHADE_CELL 8
+
 /* BIND_CLOUD_LIST: for each of two lists workgroups along x, y, z, and how many points; then the points; pixel_list.glsl. Of the
  * march: points of the lattice or blocks, and pixels. */
 #define CLOUD_LIST_POINTS 0
