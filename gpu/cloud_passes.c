@@ -87,7 +87,7 @@ static bool choose_shade(struct workspace *ws, struct frame *f, const char *comp
 		return true;
 	snprintf(rays, sizeof rays, "%sPROJECTION=%d SHADE=%d", compose, projection, SHADE_OF_RAYS);
 	snprintf(fill, sizeof fill, "%sPROJECTION=%d", compose, projection);
-	snprintf(there, sizeof there, "%sSHADE=%d", compose, SHADE_THERE);
+	snprintf(there, sizeof there, "%sPROJECTION=%d SHADE=%d", compose, projection, SHADE_THERE);
 	return (f->cloud_shade.rays = programs_get(ws->programs, "cloud_compose.comp", rays, err)) &&
 	       (f->cloud_shade.compose = programs_get(ws->programs, "cloud_compose.comp", there, err)) &&
 	       (f->cloud_shade.fill = programs_get(ws->programs, "cloud_shade.comp", fill, err));

@@ -25,12 +25,12 @@ Sight sight_of_lattice(int i)
 }
 
 /* Does a pixel with that light from clouds have more of them than their shade? Those that show nothing count. */
-bool composed(vec4 light, vec4 direction)
+bool composed(vec4 light, ivec2 pixel)
 {
 #ifdef CLOUD_LAYER
 	return true;
 #else
-	return light != vec4(1.0, 0.0, 0.0, 0.0) || direction.w < 0.0;
+	return light != vec4(1.0, 0.0, 0.0, 0.0) || !camera_sees(vec2(pixel) + 0.5);
 #endif
 }
 
@@ -85,6 +85,29 @@ ivec2 shade_cells(ivec4 tile)
 ivec2 shade_corner(ivec4 tile, ivec2 corner)
 {
 	return min((tile.xy / CLOUD_SHADE_CELL + corner) * CLOUD_SHADE_CELL, ivec2(frame.width, frame.height) - 1);
+}
+
+/* What shade may change by, as a share of a pixel's luminance, between what it is interpolated from: the corners of a cell, the ends of a row; and
+ * the latter's distance in rad, less than what clouds near the horizon are wide. */
+const float SHADE_MOST_CHANGE = 0.03, SHADE_MOST_ALONG = 0.1, SHADE_WIDEST = 0.01;
+const int SHADE_ROW_MASK = (1 << CLOUD_SHADE_CELL) - 1;
+
+float shade_luminance(vec4 L)
+{
+	return dot(bands.to_rgb[1], L);
+}
+
+/* The left corner of a row of a cell, in pixels; the row is counted from the tile's first. */
+ivec2 shade_row(ivec4 tile, ivec2 row)
+{
+	return ivec2(shade_corner(tile, ivec2(row.x, 0)).x, tile.y + row.y);
+}
+
+/* Columns of the cell that are in the tile: the first, and behind the last. */
+ivec2 shade_within(ivec4 tile, int column)
+{
+	int from = shade_corner(tile, ivec2(column, 0)).x;
+	return ivec2(max(from, tile.x), min(from + CLOUD_SHADE_CELL, tile.x + tile.z));
 }
 
 /* Direction of a pixel in the world; w: its solid angle, negative where it shows nothing. */

@@ -178,7 +178,7 @@ void fill(ivec2 pixel, int i, Sight s[4], vec2 x, Around a)
 	} else if (alike(s[0], s[1], s[2], s[3])) {
 		show(pixel, i, between(s[0], s[1], s[2], s[3], x));
 	} else {
-		list_add(CLOUD_LIST_PIXELS, i);
+		list_add(CLOUD_LIST_PIXELS, i, 1);
 	}
 }
 #endif
@@ -201,27 +201,33 @@ void main()
 #if RAYS == CLOUD_RAYS_BLOCKS
 	bool still = samples.z == 1, agreed = agree(a);
 	if (!still && !agreed)
-		list_add(CLOUD_LIST_POINTS, n);
+		list_add(CLOUD_LIST_POINTS, n, 1);
 #endif
-	int k = 0;
-	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
-		ivec2 within = ivec2(k % CLOUD_BLOCK, k / CLOUD_BLOCK), side = ivec2(greaterThanEqual(within, samples.xy)), low = block + side - 1;
-		ivec2 pixel = CLOUD_BLOCK * block + within, at = pixel - tile.xy;
-		if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, tile.zw)))
+	int cell = 0;
+	do { /* loops tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
+		ivec2 side = ivec2(cell & 1, cell >> 1), low = block + side - 1, begin = side * samples.xy, end = samples.xy + side * (CLOUD_BLOCK - samples.xy);
+		if (any(equal(begin, end)))
 			continue;
 		Sight s[4] = Sight[4](marched(low), marched(low + ivec2(1, 0)), marched(low + ivec2(0, 1)), marched(low + 1));
-		vec2 off = vec2(within - samples.xy + CLOUD_BLOCK * (1 - side)) / float(CLOUD_BLOCK);
-		int i = at.y * tile.z + at.x;
+		ivec2 next = begin;
+		do {
+			ivec2 within = next, pixel = CLOUD_BLOCK * block + within, at = pixel - tile.xy;
+			next = next.x + 1 < end.x ? ivec2(next.x + 1, next.y) : ivec2(begin.x, next.y + 1);
+			if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, tile.zw)))
+				continue;
+			vec2 off = vec2(within - samples.xy + CLOUD_BLOCK * (1 - side)) / float(CLOUD_BLOCK);
+			int i = at.y * tile.z + at.x;
 #if RAYS == CLOUD_RAYS_BLOCKS
-		if (pixel == own)
-			show(pixel, i, marched(block));
-		else if (still)
-			show(pixel, i, recall(before_pixel(pixel)));
-		else if (agreed)
-			show(pixel, i, between(s[0], s[1], s[2], s[3], off));
+			if (pixel == own)
+				show(pixel, i, marched(block));
+			else if (still)
+				show(pixel, i, recall(before_pixel(pixel)));
+			else if (agreed)
+				show(pixel, i, between(s[0], s[1], s[2], s[3], off));
 #else
-		if (pixel != own)
-			fill(pixel, i, s, off, a);
+			if (pixel != own)
+				fill(pixel, i, s, off, a);
 #endif
-	} while (++k < CLOUD_BLOCK * CLOUD_BLOCK);
+		} while (next.y < end.y);
+	} while (++cell < 4);
 }

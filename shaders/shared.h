@@ -248,7 +248,7 @@ typedef unsigned int uint;
 #define SHADE_HERE 0    /* it works it out, pixel by pixel */
 #define SHADE_THERE 1   /* BIND_CLOUD_SHADE */
 #define SHADE_OF_RAYS 2 /* it works it out for cloud_shade.comp, and does nothing else */
-#define CLOUD_LIST_COMPOSED 0 /* its lists: pixels with clouds, and those whose shade is worked out one by one */
+#define CLOUD_LIST_COMPOSED 0 /* its lists, of rows of cells: with clouds, and those whose shade is not worked out between the cells' corners */
 #define CLOUD_LIST_SHADED 1
 #define COURSE_NO_AIR 0
 #define COURSE_TO_GROUND 1
