@@ -354,11 +354,16 @@ void cloud_history_begin(struct workspace *ws, struct frame *f)
 		planner_note(&f->plan, pass, false, "%s", why);
 }
 
+unsigned cloud_history_kept(const struct frame *f)
+{
+	return f->history->pixels[!f->history->latest].id;
+}
+
 void cloud_history_bind(const struct frame *f, struct pass *pass)
 {
 	const struct cloud_history *h = f->history;
 	pass->storage[BIND_CLOUD_BEFORE] = h->pixels[h->latest].id;
-	pass->storage[BIND_CLOUD_KEPT] = h->pixels[!h->latest].id;
+	pass->storage[BIND_CLOUD_KEPT] = cloud_history_kept(f);
 	pass->storage[BIND_CLOUD_LATTICE] = h->blocks.id;
 	memcpy(pass->rows, f->before.rows, sizeof pass->rows);
 	memcpy(pass->samples, f->before.pixel, sizeof f->before.pixel);

@@ -6,6 +6,7 @@
 #include "directions.glsl"
 #include "aerial.glsl"
 #include "cloud_around.glsl"
+#include "cloud_sight.glsl"
 #include "colour.glsl"
 #include "surface_distance.glsl"
 #ifdef SURFACES
@@ -16,7 +17,6 @@
 #endif
 #if SHADE != SHADE_HERE
 #include "pixel_list.glsl"
-#include "cloud_lattice.glsl"
 #endif
 
 layout(local_size_x = WORKGROUP_LINE) in;
@@ -37,8 +37,6 @@ layout(binding = UNIT_CLOUD_SHADE) uniform samplerBuffer cloud_shade_texels;
 layout(std430, binding = BIND_CLOUD_LAYER) buffer CloudLayer { vec4 cloud_layer[]; };
 #endif
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
-layout(binding = UNIT_CLOUD_LIGHT_OF_RAYS) uniform samplerBuffer cloud_light_texels;
-layout(binding = UNIT_CLOUD_PLACE) uniform samplerBuffer cloud_place_texels;
 
 /* What the clouds take from the light of the air and from the ground's along a ray, negative where they shade: in front of
  * the clouds on it, and behind them. */
@@ -136,7 +134,7 @@ void put(ivec2 pixel, Shaded s)
 	shade[2 * i] = s.open;
 	shade[2 * i + 1] = s.behind;
 	/* the others are composed */
-	if (!composed(texelFetch(cloud_light_texels, i), pixel))
+	if (!composed(cloud_light_of(i, pixel), pixel))
 		radiance[i].rgb += to_rgb(s.open + s.behind);
 }
 
@@ -148,7 +146,7 @@ int between_ends(ivec2 left, int right, Shaded a, Shaded b, int mask)
 	do {
 		ivec2 pixel = left + ivec2(k, 0), at = pixel - tile.xy;
 		int i = at.y * tile.z + at.x;
-		if ((mask >> k & 1) != 0 && range_open + texelFetch(cloud_light_texels, i).x * range_behind <= SHADE_MOST_ALONG * texelFetch(radiance_texels, i).g) {
+		if ((mask >> k & 1) != 0 && range_open + cloud_light_of(i, pixel).x * range_behind <= SHADE_MOST_ALONG * texelFetch(radiance_texels, i).g) {
 			float share = float(k) * step_;
 			put(pixel, Shaded(mix(a.open, b.open, share), mix(a.behind, b.behind, share)));
 			mask &= ~(1 << k);
@@ -293,11 +291,12 @@ void main()
 	int n = list_point(CLOUD_LIST_COMPOSED, nth), across = shade_cells(tile).x;
 	ivec2 row = ivec2(n % across, n / across), pixel = shade_row(tile, row) + ivec2(i % CLOUD_SHADE_CELL, 0), within = shade_within(tile, row.x);
 	i = row.y * tile.z + pixel.x - tile.x;
-	if (pixel.x < within.x || pixel.x >= within.y || !composed(texelFetch(cloud_light_texels, i), pixel))
+	if (pixel.x < within.x || pixel.x >= within.y || !composed(cloud_light_of(i, pixel), pixel))
 		return;
 #else
 	if (i >= tile.z * tile.w)
 		return;
+	ivec2 pixel = tile.xy + strip_place(i, tile.z);
 #endif
 	bool spectral = (frame.features & FEATURE_SPECTRAL) != 0;
 	vec4 at = direction_of(spectral ? tile.x + i : i);
@@ -311,7 +310,7 @@ void main()
 	do {
 		int k = i + side * tile.z * tile.w;
 		float share = side_share(i, side);
-		Before b = before_side(i, at.xyz, texelFetch(cloud_light_texels, k), texelFetch(cloud_place_texels, k), side_distance(i, side));
+		Before b = before_side(i, at.xyz, cloud_light_of(k, pixel), cloud_place_of(k, pixel), side_distance(i, side));
 		behind = side == SIDE_SKY ? b.T : behind;
 		T += share * b.T;
 		own += share * b.own;

@@ -25,17 +25,3 @@ ivec2 block_pixel(ivec2 block)
 {
 	return min(CLOUD_BLOCK * block + samples.xy, ivec2(frame.width, frame.height) - 1);
 }
-
-/* Two other distances as parts of the first, which may be 0. */
-uvec4 sight_pack(Sight s)
-{
-	float t = max(s.place.x, 1e-3);
-	return uvec4(packHalf2x16(s.light.xy), packHalf2x16(s.light.zw), floatBitsToUint(s.place.x), packHalf2x16(s.place.yz / t));
-}
-
-/* The place, from the second half of what was packed. */
-vec4 place_unpack(uvec2 p)
-{
-	float t = uintBitsToFloat(p.x);
-	return vec4(t, unpackHalf2x16(p.y) * max(t, 1e-3), 0.0);
-}

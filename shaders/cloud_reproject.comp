@@ -20,8 +20,6 @@ layout(location = LOCATION_ROWS) uniform vec4 rows[3];
 /* The same twice: of two texels the first is a pixel's light, and what is read of the other storage its place. */
 layout(binding = UNIT_CLOUD_BEFORE) uniform samplerBuffer cloud_before_texels;
 layout(std430, binding = BIND_CLOUD_BEFORE) readonly buffer Before { uvec4 before[]; };
-layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]; };
-layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
 layout(std430, binding = BIND_CLOUD_KEPT) writeonly buffer Kept { uvec4 kept[]; };
 
 const float CLIP = 1.75;   /* standard deviations that what was there may lie off the mean of what is marched around: 1 blurs, 4 lets ghosts through */
@@ -156,10 +154,8 @@ bool remember(vec4 d, float t, out Sight then)
 	return same_place;
 }
 
-void show(ivec2 pixel, int i, Sight s)
+void show(ivec2 pixel, Sight s)
 {
-	light[i] = s.light;
-	place[i] = s.place;
 	kept[pixel.y * frame.width + pixel.x] = sight_pack(s);
 }
 
@@ -174,9 +170,9 @@ void fill(ivec2 pixel, int i, Sight s[4], vec2 x, Around a)
 		/* what came to be seen here is where its neighbours are */
 		if (1.0 - then.light.x < 0.5 * (1.0 - now.x))
 			then.place = where;
-		show(pixel, i, Sight(now, then.place));
+		show(pixel, Sight(now, then.place));
 	} else if (alike(s[0], s[1], s[2], s[3])) {
-		show(pixel, i, between(s[0], s[1], s[2], s[3], x));
+		show(pixel, between(s[0], s[1], s[2], s[3], x));
 	} else {
 		list_add(CLOUD_LIST_PIXELS, i, 1);
 	}
@@ -219,11 +215,11 @@ void main()
 			int i = at.y * tile.z + at.x;
 #if RAYS == CLOUD_RAYS_BLOCKS
 			if (pixel == own)
-				show(pixel, i, marched(block));
+				show(pixel, marched(block));
 			else if (still)
-				show(pixel, i, recall(before_pixel(pixel)));
+				show(pixel, recall(before_pixel(pixel)));
 			else if (agreed)
-				show(pixel, i, between(s[0], s[1], s[2], s[3], off));
+				show(pixel, between(s[0], s[1], s[2], s[3], off));
 #else
 			if (pixel != own)
 				fill(pixel, i, s, off, a);

@@ -4,7 +4,7 @@
  * are listed for it, and so are pixels with clouds, which alone have more to compose.
  */
 #include "directions.glsl"
-#include "cloud_lattice.glsl"
+#include "cloud_sight.glsl"
 #include "pixel_list.glsl"
 #include "colour.glsl"
 
@@ -12,7 +12,6 @@ layout(local_size_x = WORKGROUP_LINE) in;
 layout(std430, binding = BIND_CLOUD_SHADE) writeonly buffer Shade { vec4 shade[]; };
 layout(std430, binding = BIND_RADIANCE) writeonly buffer Radiance { vec4 radiance[]; };
 layout(binding = UNIT_RADIANCE) uniform samplerBuffer radiance_texels;
-layout(binding = UNIT_CLOUD_LIGHT_OF_RAYS) uniform samplerBuffer cloud_light_texels;
 
 vec4 lattice_value(int i)
 {
@@ -48,9 +47,10 @@ void main()
 	bool smooth_ = near_ && alike_;
 	int x = within.x - from.x, k = i, clear = 0, listed = 0; /* the latter two by the columns of the cell */
 	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
-		vec4 light = texelFetch(cloud_light_texels, k);
+		ivec2 pixel = ivec2(within.x + k - i, row.y);
+		vec4 light = cloud_light_of(k, pixel);
 		int bit = 1 << (x + k - i);
-		clear |= composed(light, ivec2(within.x + k - i, row.y)) ? 0 : bit;
+		clear |= composed(light, pixel) ? 0 : bit;
 		bool little = range_open + light.x * range_behind <= SHADE_MOST_CHANGE * texelFetch(radiance_texels, k).g;
 		listed |= smooth_ && little && !(ground && light.x > HIDDEN) ? 0 : bit;
 	} while (++k < end);

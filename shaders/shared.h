@@ -43,7 +43,7 @@ typedef unsigned int uint;
 #define BIND_CLOUD_SHADE 1   /* two vec4 per pixel: radiance of the batch that clouds take before and behind them; cloud_shade.comp */
 #define BIND_CLOUD_BEFORE 0  /* likewise: uvec4 per pixel of the image, clouds of the frame before; cloud_history.glsl */
 #define BIND_CLOUD_KEPT 1    /* likewise, of this frame for the next */
-#define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp */
+#define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp. Of a frame that follows another: BIND_CLOUD_KEPT */
 #define BIND_CLOUD_PLACE 8   /* vec4 per pixel: where they are */
 #define BIND_PATHS 8         /* kernel of the reference: PATH_UVEC4S per ray, paths through clouds that the next dispatch goes on with */
 #define PATH_UVEC4S 8
@@ -122,6 +122,8 @@ typedef unsigned int uint;
 #define UNIT_CLOUD_BEFORE 37
 #define UNIT_CLOUD_LIGHT_OF_RAYS 38
 #define UNIT_CLOUD_PLACE 39
+#define UNIT_CLOUD_KEPT 42       /* of a frame that follows another, in place of those two: what it keeps, as half floats; cloud_sight.glsl */
+#define UNIT_CLOUD_KEPT_WORDS 43 /* the same as it is */
 
 #define UNIT_RASTER_DEPTH 40  /* of the samples of UNIT_RASTER: near over distance */
 #define UNIT_CLOUD_SUN 34     /* optical depth of clouds to the sun; cloud_sun.glsl */
