@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { HISTORIES = 4, PIXEL_BYTES = 16, BLOCK = 4, BLOCK_BYTES = 32 };
+enum { HISTORIES = 4, PIXEL_BYTES = 16, BLOCK_BYTES = 32 };
 
 static const size_t most_bytes = (size_t)512 << 20;
 
@@ -245,7 +245,7 @@ static bool make_room(struct cloud_histories *all, struct cloud_history *h, size
 /* Blocks of an image along an axis; cloud_history.glsl. */
 static int blocks_across(int pixels)
 {
-	return (pixels + BLOCK - 1) / BLOCK;
+	return (pixels + CLOUD_BLOCK - 1) / CLOUD_BLOCK;
 }
 
 /* Where the frame's clouds are kept; NULL: nowhere. */
@@ -354,11 +354,16 @@ void cloud_history_begin(struct workspace *ws, struct frame *f)
 		planner_note(&f->plan, pass, false, "%s", why);
 }
 
+unsigned cloud_history_kept(const struct frame *f)
+{
+	return f->history->pixels[!f->history->latest].id;
+}
+
 void cloud_history_bind(const struct frame *f, struct pass *pass)
 {
 	const struct cloud_history *h = f->history;
 	pass->storage[BIND_CLOUD_BEFORE] = h->pixels[h->latest].id;
-	pass->storage[BIND_CLOUD_KEPT] = h->pixels[!h->latest].id;
+	pass->storage[BIND_CLOUD_KEPT] = cloud_history_kept(f);
 	pass->storage[BIND_CLOUD_LATTICE] = h->blocks.id;
 	memcpy(pass->rows, f->before.rows, sizeof pass->rows);
 	memcpy(pass->samples, f->before.pixel, sizeof f->before.pixel);

@@ -17,6 +17,9 @@ struct cloud_histories;
  * and notes it in the plan. */
 void cloud_history_begin(struct workspace *ws, struct frame *frame);
 
+/* The storage that the frame's clouds are kept in. */
+unsigned cloud_history_kept(const struct frame *frame);
+
 /* Sets up a pass of the march that knows the frame before. */
 void cloud_history_bind(const struct frame *frame, struct pass *pass);
 

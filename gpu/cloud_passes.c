@@ -87,7 +87,8 @@ static bool choose_reprojection(struct workspace *ws, struct frame *f, const cha
 }
 
 /* Shade on the ground and in the air, for one pixel of sixteen where it is smooth. */
-static bool choose_shade(struct workspace *ws, struct frame *f, const char *compose, struct error *err)
+static bool choose_shade(
+	struct workspace *ws, const struct frame *f, const char *compose, struct cloud_shade *shade, struct error *err)
 {
 	char rays[96], there[96], fill[96];
 	const int projection = f->job.request.image.projection;
@@ -96,22 +97,39 @@ static bool choose_shade(struct workspace *ws, struct frame *f, const char *comp
 		return true;
 	snprintf(rays, sizeof rays, "%sPROJECTION=%d SHADE=%d", compose, projection, SHADE_OF_RAYS);
 	snprintf(fill, sizeof fill, "%sPROJECTION=%d", compose, projection);
-	snprintf(there, sizeof there, "%sSHADE=%d", compose, SHADE_THERE);
-	return (f->cloud_shade.rays = programs_get(ws->programs, "cloud_compose.comp", rays, err)) &&
-	       (f->cloud_shade.compose = programs_get(ws->programs, "cloud_compose.comp", there, err)) &&
-	       (f->cloud_shade.fill = programs_get(ws->programs, "cloud_shade.comp", fill, err));
+	snprintf(there, sizeof there, "%sPROJECTION=%d SHADE=%d", compose, projection, SHADE_THERE);
+	return (shade->rays = programs_get(ws->programs, "cloud_compose.comp", rays, err)) &&
+	       (shade->compose = programs_get(ws->programs, "cloud_compose.comp", there, err)) &&
+	       (shade->fill = programs_get(ws->programs, "cloud_shade.comp", fill, err));
+}
+
+/* Of a frame that follows another, whose pixels' clouds are where it keeps them. */
+static bool choose_kept(struct workspace *ws, struct frame *f, const char *compose, struct error *err)
+{
+	char kept[96];
+	if (!f->cloud_reprojection.blocks || f->job.frame == 0)
+		return true;
+	snprintf(kept, sizeof kept, "KEPT=1 %s", compose);
+	return (f->kept_compose = programs_get(ws->programs, "cloud_compose.comp", kept, err)) &&
+	       choose_shade(ws, f, kept, &f->kept_shade, err);
+}
+
+/* Cells of so many pixels, counted from the image's edge, that a tile touches along an axis. */
+static int cells_across(int from, int pixels, int cell)
+{
+	return (from + pixels - 1) / cell - from / cell + 1;
 }
 
 /* Points of a tile's lattice along an axis; cloud_lattice.glsl. */
 static int lattice_across(int from, int pixels)
 {
-	return ((from + pixels - 1) / 4 - from / 4 + 1) * 2 + 1;
+	return cells_across(from, pixels, CLOUD_LATTICE_CELL) * (CLOUD_LATTICE_CELL / 2) + 1;
 }
 
 /* Cells of shade along an axis; cloud_lattice.glsl. */
 static int shade_cells(int from, int pixels)
 {
-	return (from + pixels - 1) / 8 - from / 8 + 1;
+	return cells_across(from, pixels, CLOUD_SHADE_CELL);
 }
 
 /* Does the image have a layer of them? */
@@ -124,7 +142,7 @@ static bool layered(const struct frame *f)
 /* Blocks that a tile has along an axis; cloud_history.glsl. */
 static int blocks_across(int from, int pixels)
 {
-	return (from + pixels - 1) / 4 - from / 4 + 1;
+	return cells_across(from, pixels, CLOUD_BLOCK);
 }
 
 bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error *err)
@@ -142,8 +160,8 @@ bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error 
 			surfaces);
 	return (f->clouds = programs_get(ws->programs, "clouds.comp", choices, err)) &&
 	       (f->compose = programs_get(ws->programs, "cloud_compose.comp", compose, err)) &&
-	       choose_shade(ws, f, compose, err) && choose_lattice(ws, f, choices, err) &&
-	       choose_reprojection(ws, f, choices, err);
+	       choose_shade(ws, f, compose, &f->cloud_shade, err) && choose_lattice(ws, f, choices, err) &&
+	       choose_reprojection(ws, f, choices, err) && choose_kept(ws, f, compose, err);
 }
 
 /* Points of a tile's lattice, at most; cloud_lattice.glsl. Twice as many as either list of pixel_list.glsl holds. */
@@ -259,12 +277,13 @@ static void march_tile(struct workspace *ws, const struct frame *f, const struct
 static void compose_tile(struct workspace *ws, const struct frame *f, const struct pass *compose)
 {
 	const int *tile = compose->tile;
-	if (!f->cloud_shade.rays || f->stage != FRAME_STRIPS) {
+	const struct cloud_shade *shade = f->reprojects ? &f->kept_shade : &f->cloud_shade;
+	if (!shade->rays || f->stage != FRAME_STRIPS) {
 		passes_run(ws->passes, compose);
 		return;
 	}
 	struct pass corners = *compose;
-	corners.program = f->cloud_shade.rays;
+	corners.program = shade->rays;
 	corners.storage[BIND_CLOUD_LATTICE] = ws->cloud_lattice.id;
 	corners.storage[BIND_CLOUD_LIST] = ws->cloud_list.id;
 	corners.storage[BIND_CLOUD_SHADE] = ws->cloud_shade.id;
@@ -272,12 +291,12 @@ static void compose_tile(struct workspace *ws, const struct frame *f, const stru
 	const int cells[2] = { shade_cells(tile[0], tile[2]), shade_cells(tile[1], tile[3]) };
 	corners.threads[0] = (cells[0] + 1) * (cells[1] + 1);
 	fill.threads[0] = cells[0] * tile[3];
-	fill.program = f->cloud_shade.fill;
+	fill.program = shade->fill;
 	shaded.samples[0] = 1;
 	shaded.indirect = composed.indirect = ws->cloud_list.id;
 	shaded.indirect_at = list_head(CLOUD_LIST_SHADED);
 	composed.indirect_at = list_head(CLOUD_LIST_COMPOSED);
-	composed.program = f->cloud_shade.compose;
+	composed.program = shade->compose;
 	passes_run(ws->passes, &corners);
 	passes_run(ws->passes, &fill);
 	passes_run(ws->passes, &shaded);
@@ -298,6 +317,10 @@ void clouds_run(struct workspace *ws, const struct frame *f, const int tile[4], 
 	struct pass compose = march;
 	compose.name = "cloud-light";
 	compose.program = f->compose;
+	if (f->reprojects && f->stage == FRAME_STRIPS) {
+		compose.program = f->kept_compose;
+		compose.storage[BIND_CLOUD_LIGHT] = cloud_history_kept(f);
+	}
 	compose.storage[BIND_RADIANCE] = radiance;
 	compose.storage[BIND_TRANSMITTANCE] = transmittance;
 	if (layered(f))

@@ -30,13 +30,14 @@ struct frame {
 	const struct program *rays, *sky, *plain, *disk, *output; /* plain: see choose_sky() */
 	bool pinhole;                           /* kernels work the rays of plain pixels out themselves */
 	const struct program *clouds, *compose; /* NULL without clouds */
+	const struct program *kept_compose;     /* of a frame that follows another */
 	struct scenery scenery;
 	struct {
 		const struct program *corners, *fill_lattice, *lattice, *fill_pixels, *pixels;
 	} cloud_lattice; /* NULL where every pixel is marched */
-	struct {
+	struct cloud_shade {
 		const struct program *rays, *fill, *compose;
-	} cloud_shade; /* NULL where it is worked out pixel by pixel */
+	} cloud_shade, kept_shade; /* NULL where it is worked out pixel by pixel; of a frame that follows another */
 	struct {
 		const struct program *blocks, *agreeing, *reproject, *pixels, *keep;
 	} cloud_reprojection;          /* NULL where no frame comes before or after */

@@ -31,6 +31,8 @@ const struct fetched program_fetched[PROGRAM_FETCHED] = {
 	{ "cloud_before_texels", BIND_CLOUD_BEFORE, UNIT_CLOUD_BEFORE, GL_RGBA16F },
 	{ "cloud_light_texels", BIND_CLOUD_LIGHT, UNIT_CLOUD_LIGHT_OF_RAYS, GL_RGBA32F },
 	{ "cloud_place_texels", BIND_CLOUD_PLACE, UNIT_CLOUD_PLACE, GL_RGBA32F },
+	{ "cloud_kept_texels", BIND_CLOUD_LIGHT, UNIT_CLOUD_KEPT, GL_RGBA16F },
+	{ "cloud_kept_words", BIND_CLOUD_LIGHT, UNIT_CLOUD_KEPT_WORDS, GL_RGBA32UI },
 };
 
 /* A file that is not in the folder of shaders. */

@@ -22,7 +22,7 @@ struct program {
 };
 
 /* Storage that kernels may read as a buffer texture instead, by the name of the sampler. */
-enum { PROGRAM_FETCHED = 13 };
+enum { PROGRAM_FETCHED = 15 };
 struct fetched {
 	const char *sampler;
 	int bind, unit; /* BIND_, UNIT_ of shared.h */

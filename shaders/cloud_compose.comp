@@ -6,6 +6,7 @@
 #include "directions.glsl"
 #include "aerial.glsl"
 #include "cloud_around.glsl"
+#include "cloud_sight.glsl"
 #include "colour.glsl"
 #include "surface_distance.glsl"
 #ifdef SURFACES
@@ -16,9 +17,6 @@
 #endif
 #if SHADE != SHADE_HERE
 #include "pixel_list.glsl"
-#endif
-#if SHADE == SHADE_OF_RAYS
-#include "cloud_lattice.glsl"
 #endif
 
 layout(local_size_x = WORKGROUP_LINE) in;
@@ -31,6 +29,7 @@ layout(std430, binding = BIND_TRANSMITTANCE) buffer Transmittance { vec4 transmi
 #endif
 #if SHADE == SHADE_OF_RAYS
 layout(std430, binding = BIND_CLOUD_SHADE) writeonly buffer Shade { vec4 shade[]; };
+layout(binding = UNIT_RADIANCE) uniform samplerBuffer radiance_texels;
 #elif SHADE == SHADE_THERE
 layout(binding = UNIT_CLOUD_SHADE) uniform samplerBuffer cloud_shade_texels;
 #endif
@@ -38,8 +37,6 @@ layout(binding = UNIT_CLOUD_SHADE) uniform samplerBuffer cloud_shade_texels;
 layout(std430, binding = BIND_CLOUD_LAYER) buffer CloudLayer { vec4 cloud_layer[]; };
 #endif
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
-layout(binding = UNIT_CLOUD_LIGHT_OF_RAYS) uniform samplerBuffer cloud_light_texels;
-layout(binding = UNIT_CLOUD_PLACE) uniform samplerBuffer cloud_place_texels;
 
 /* What the clouds take from the light of the air and from the ground's along a ray, negative where they shade: in front of
  * the clouds on it, and behind them. */
@@ -107,8 +104,9 @@ Shaded shaded_along(vec3 d, float t_end)
 }
 
 #if SHADE == SHADE_OF_RAYS
-/* Rays of one course go through the same parts of the air, above, within and below the layer. angle: a pixel's, in rad. */
-int course(vec3 d, float angle)
+/* Rays of one course go through the same parts of the air, above, within and below the layer. seen: width of ground from one corner to the
+ * next, over their distance; its shadows' table is linear between its cells, half of one of which should be seen at most. */
+int course(vec3 d, float seen)
 {
 	CloudRay ray = cloud_ray(d, frame.vertical.xyz, frame.camera_altitude);
 	vec2 below = cloud_below(ray, clouds.bottom), within = cloud_below(ray, clouds.top);
@@ -117,36 +115,95 @@ int course(vec3 d, float angle)
 	float ground = ray_ground_distance(ray.h, ray.mu);
 	if (ground < 0.0)
 		return COURSE_IN_AIR + int(below.y > below.x) + int(within.y > within.x);
-	/* of the table of shadows, which is linear between its cells, a cell of shade should see half a one at most */
-	float seen = float(SHADE_CELL) * angle * (ray.start + ground) / max(-mu_at(ray.h, ray.mu, ground, 0.0), 1e-6);
 	vec3 q = cloud_grid_home(cloud_point(ray, ray.start + ground));
-	return seen <= 0.25 * clouds.grid[cloud_grid_level(q, 0)].z ? COURSE_TO_NEAR_GROUND : COURSE_TO_GROUND;
+	return seen * (ray.start + ground) <= 0.25 * clouds.grid[cloud_grid_level(q, 0)].z ? COURSE_TO_NEAR_GROUND : COURSE_TO_GROUND;
 }
 
-/* For cloud_shade.comp: of the corners of its cells, and of what it listed. */
+/* Of the corners of cells, which see the ground aslant. */
+int course_of_corner(vec4 d)
+{
+	CloudRay ray = cloud_ray(d.xyz, frame.vertical.xyz, frame.camera_altitude);
+	float ground = max(ray_ground_distance(ray.h, ray.mu), 0.0);
+	return course(d.xyz, float(CLOUD_SHADE_CELL) * sqrt(max(d.w, 0.0)) / max(-mu_at(ray.h, ray.mu, ground, 0.0), 1e-6));
+}
+
+void put(ivec2 pixel, Shaded s)
+{
+	ivec2 at = pixel - tile.xy;
+	int i = at.y * tile.z + at.x;
+	shade[2 * i] = s.open;
+	shade[2 * i + 1] = s.behind;
+	/* the others are composed */
+	if (!composed(cloud_light_of(i, pixel), pixel))
+		radiance[i].rgb += to_rgb(s.open + s.behind);
+}
+
+/* What lies between the ends of a row, for pixels whose luminance that changes little; the others are left in the mask. */
+int between_ends(ivec2 left, int right, Shaded a, Shaded b, int mask)
+{
+	float step_ = 1.0 / float(max(right - left.x, 1)), range_open = abs(shade_luminance(b.open - a.open)), range_behind = abs(shade_luminance(b.behind - a.behind));
+	int k = 0;
+	do {
+		ivec2 pixel = left + ivec2(k, 0), at = pixel - tile.xy;
+		int i = at.y * tile.z + at.x;
+		if ((mask >> k & 1) != 0 && range_open + cloud_light_of(i, pixel).x * range_behind <= SHADE_MOST_ALONG * texelFetch(radiance_texels, i).g) {
+			float share = float(k) * step_;
+			put(pixel, Shaded(mix(a.open, b.open, share), mix(a.behind, b.behind, share)));
+			mask &= ~(1 << k);
+		}
+	} while (++k < CLOUD_SHADE_CELL);
+	return mask;
+}
+
+/* For cloud_shade.comp: of the corners of its cells; and of the pixels that it listed, by rows of cells: between a row's ends, where their rays
+ * take one course, for shade is smoother along rows; else one by one. */
 void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
 	bool listed = samples.x != 0;
-	ivec2 count = shade_cells(tile) + 1, own = ivec2(i % count.x, i / count.x);
+	ivec2 cells = shade_cells(tile), count = listed ? cells : cells + 1;
 	if (!listed && i == 0)
 		lists_clear();
 	if (i >= (listed ? list_length(CLOUD_LIST_SHADED) : count.x * count.y))
 		return;
-	int at = listed ? list_point(CLOUD_LIST_SHADED, i) : i;
-	vec4 d = pixel_direction(listed ? tile.xy + ivec2(at % tile.z, at / tile.z) : shade_corner(tile, own));
-	Shaded s = shaded_along(d.xyz, NO_SURFACE);
+	int at = listed ? list_point(CLOUD_LIST_SHADED, i) : i, mask = 0, ends = 0; /* pixels of the row that are to be done; ends that have been */
 	if (listed) {
-		shade[2 * at] = s.open;
-		shade[2 * at + 1] = s.behind;
-		/* the others are composed */
-		if (!composed(texelFetch(cloud_light_texels, at), direction_of(at)))
-			radiance[at].rgb += to_rgb(s.open + s.behind);
-	} else {
-		lattice[3 * at] = s.open;
-		lattice[3 * at + 1] = s.behind;
-		lattice[3 * at + 2] = vec4(float(course(d.xyz, sqrt(max(d.w, 0.0)))), d.xyz);
+		mask = at & SHADE_ROW_MASK;
+		at >>= CLOUD_SHADE_CELL;
 	}
+	ivec2 own = ivec2(at % count.x, at / count.x), left = listed ? shade_row(tile, own) : shade_corner(tile, own), pixel = left;
+	int right = shade_corner(tile, ivec2(own.x + 1, 0)).x;
+	if (listed) {
+		vec4 from = pixel_direction(left), to = pixel_direction(ivec2(right, left.y));
+		float across = distance(from.xyz, to.xyz);
+		int along = course(from.xyz, across);
+		if (along != course(to.xyz, across) || along == COURSE_TO_GROUND || across > SHADE_WIDEST) {
+			ends = 2;
+			pixel.x = left.x + findLSB(mask);
+		}
+	}
+	Shaded before;
+	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
+		vec4 d = pixel_direction(pixel);
+		Shaded s = shaded_along(d.xyz, NO_SURFACE);
+		if (!listed) {
+			lattice[3 * at] = s.open;
+			lattice[3 * at + 1] = s.behind;
+			lattice[3 * at + 2] = vec4(float(course_of_corner(d)), d.xyz);
+		} else if (ends == 0) {
+			before = s;
+			pixel.x = right;
+		} else {
+			if (ends == 1) {
+				mask = between_ends(left, right, before, s, mask);
+			} else {
+				put(pixel, s);
+				mask &= mask - 1;
+			}
+			pixel.x = left.x + findLSB(mask);
+		}
+		ends++;
+	} while (mask != 0);
 }
 #else
 Shaded shaded_pixel(int i, vec3 d, float t_end)
@@ -193,17 +250,24 @@ struct Before {
 	vec4 own, shaded;
 };
 
+const float CLOSE = 0.05; /* clouds that lie no farther apart, over their distance, are at one: its square is what that errs by */
+
 Before before_side(int i, vec3 d, vec4 answer, vec4 where, float t_end)
 {
-	/* the air in front, by the two distances that share mean and variance with the clouds' opacity */
-	vec4 near_L, near_T, far_L, far_T;
-	aerial_perspective(d, max(where.x - where.y, 0.0), near_L, near_T);
-	aerial_perspective(d, where.x + where.y, far_L, far_T);
+	/* the air in front, by the two distances that share mean and variance with the clouds' opacity, or by their mean; a loop, tested at the
+	 * end, which a software rasteriser leaves in time */
+	vec4 air_L = vec4(0.0), air_T = vec4(0.0), L, T;
+	float spread = where.y > CLOSE * where.x ? where.y : 0.0, n = spread > 0.0 ? 0.5 : 1.0, away = where.x - spread;
+	do {
+		aerial_perspective(d, max(away, 0.0), L, T);
+		air_L += n * L;
+		air_T += n * T;
+		away += 2.0 * spread;
+	} while (spread > 0.0 && away < where.x + 1.5 * spread);
 	Before b;
 	b.T = answer.x;
 	b.away = where.x;
-	b.own = 0.5 * (near_T + far_T) * bands.sun_irradiance * cloud_radiance(d, answer, where.z, sunlit(d, where.z)) +
-		(1.0 - answer.x) * 0.5 * (near_L + far_L);
+	b.own = air_T * bands.sun_irradiance * cloud_radiance(d, answer, where.z, sunlit(d, where.z)) + (1.0 - answer.x) * air_L;
 	Shaded change = shaded_pixel(i, d, t_end);
 	b.shaded = change.open + answer.x * change.behind;
 	return b;
@@ -224,12 +288,18 @@ void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
 #if SHADE == SHADE_THERE
-	if (i >= list_length(CLOUD_LIST_COMPOSED))
+	int nth = i / CLOUD_SHADE_CELL;
+	if (nth >= list_length(CLOUD_LIST_COMPOSED))
 		return;
-	i = list_point(CLOUD_LIST_COMPOSED, i);
+	int n = list_point(CLOUD_LIST_COMPOSED, nth), across = shade_cells(tile).x;
+	ivec2 row = ivec2(n % across, n / across), pixel = shade_row(tile, row) + ivec2(i % CLOUD_SHADE_CELL, 0), within = shade_within(tile, row.x);
+	i = row.y * tile.z + pixel.x - tile.x;
+	if (pixel.x < within.x || pixel.x >= within.y || !composed(cloud_light_of(i, pixel), pixel))
+		return;
 #else
 	if (i >= tile.z * tile.w)
 		return;
+	ivec2 pixel = tile.xy + strip_place(i, tile.z);
 #endif
 	bool spectral = (frame.features & FEATURE_SPECTRAL) != 0;
 	vec4 at = direction_of(spectral ? tile.x + i : i);
@@ -243,7 +313,7 @@ void main()
 	do {
 		int k = i + side * tile.z * tile.w;
 		float share = side_share(i, side);
-		Before b = before_side(i, at.xyz, texelFetch(cloud_light_texels, k), texelFetch(cloud_place_texels, k), side_distance(i, side));
+		Before b = before_side(i, at.xyz, cloud_light_of(k, pixel), cloud_place_of(k, pixel), side_distance(i, side));
 		behind = side == SIDE_SKY ? b.T : behind;
 		T += share * b.T;
 		own += share * b.own;

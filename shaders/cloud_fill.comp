@@ -53,7 +53,7 @@ void main()
 	vec2 x = clamp(vec2(pixel - from) / vec2(max(to - from, 1)), 0.0, 1.0);
 	Corner a = corner(low, size.x), b = corner(ivec2(high.x, low.y), size.x), c = corner(ivec2(low.x, high.y), size.x), d = corner(high, size.x);
 	if (!agree(a, b, c, d)) {
-		list_add(RAYS == CLOUD_RAYS_LATTICE ? CLOUD_LIST_POINTS : CLOUD_LIST_PIXELS, i);
+		list_add(RAYS == CLOUD_RAYS_LATTICE ? CLOUD_LIST_POINTS : CLOUD_LIST_PIXELS, i, 1);
 		return;
 	}
 	Sight sight = between(a.sight, b.sight, c.sight, d.sight, x);

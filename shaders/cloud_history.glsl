@@ -6,14 +6,12 @@
  */
 #include "cloud_lattice.glsl"
 
-const int BLOCK = 4;
-
 /* x, y: the pixel of a block that this frame marches; z: 1 where nothing has moved since the frame before. */
 layout(location = LOCATION_SAMPLES) uniform ivec4 samples;
 
 ivec2 block_last()
 {
-	return (ivec2(frame.width, frame.height) - 1) / BLOCK;
+	return (ivec2(frame.width, frame.height) - 1) / CLOUD_BLOCK;
 }
 
 /* Where it is among all of the image. */
@@ -25,19 +23,5 @@ int block_number(ivec2 block)
 /* The pixel that stands for a block; those that the image cuts off have theirs at its edge. */
 ivec2 block_pixel(ivec2 block)
 {
-	return min(BLOCK * block + samples.xy, ivec2(frame.width, frame.height) - 1);
-}
-
-/* Two other distances as parts of the first, which may be 0. */
-uvec4 sight_pack(Sight s)
-{
-	float t = max(s.place.x, 1e-3);
-	return uvec4(packHalf2x16(s.light.xy), packHalf2x16(s.light.zw), floatBitsToUint(s.place.x), packHalf2x16(s.place.yz / t));
-}
-
-/* The place, from the second half of what was packed. */
-vec4 place_unpack(uvec2 p)
-{
-	float t = uintBitsToFloat(p.x);
-	return vec4(t, unpackHalf2x16(p.y) * max(t, 1e-3), 0.0);
+	return min(CLOUD_BLOCK * block + samples.xy, ivec2(frame.width, frame.height) - 1);
 }

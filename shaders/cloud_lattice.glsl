@@ -8,8 +8,6 @@
 
 layout(binding = UNIT_CLOUD_LATTICE) uniform samplerBuffer cloud_lattice_texels;
 
-const int LATTICE_CELL = 4;
-
 /* How far neighbours may differ: of what they show, relative to it; of what comes through; of distance, relative. */
 const float ALIKE = 0.10, ALIKE_THROUGH = 0.05, ALIKE_DISTANCE = 0.25;
 /* What sky and ground are to the sun, about, by day. */
@@ -26,13 +24,27 @@ Sight sight_of_lattice(int i)
 	return Sight(texelFetch(cloud_lattice_texels, 2 * i), texelFetch(cloud_lattice_texels, 2 * i + 1));
 }
 
+/* Two other distances as parts of the first, which may be 0. */
+uvec4 sight_pack(Sight s)
+{
+	float t = max(s.place.x, 1e-3);
+	return uvec4(packHalf2x16(s.light.xy), packHalf2x16(s.light.zw), floatBitsToUint(s.place.x), packHalf2x16(s.place.yz / t));
+}
+
+/* The place, from the second half of what was packed. */
+vec4 place_unpack(uvec2 p)
+{
+	float t = uintBitsToFloat(p.x);
+	return vec4(t, unpackHalf2x16(p.y) * max(t, 1e-3), 0.0);
+}
+
 /* Does a pixel with that light from clouds have more of them than their shade? Those that show nothing count. */
-bool composed(vec4 light, vec4 direction)
+bool composed(vec4 light, ivec2 pixel)
 {
 #ifdef CLOUD_LAYER
 	return true;
 #else
-	return light != vec4(1.0, 0.0, 0.0, 0.0) || direction.w < 0.0;
+	return light != vec4(1.0, 0.0, 0.0, 0.0) || !camera_sees(vec2(pixel) + 0.5);
 #endif
 }
 
@@ -64,13 +76,13 @@ Sight between(Sight a, Sight b, Sight c, Sight d, vec2 x)
 /* The lattice's first pixel; points along each axis, 2 pixels apart but for the last, which stays in the image. */
 ivec2 lattice_origin(ivec4 tile)
 {
-	return tile.xy / LATTICE_CELL * LATTICE_CELL;
+	return tile.xy / CLOUD_LATTICE_CELL * CLOUD_LATTICE_CELL;
 }
 
 ivec2 lattice_size(ivec4 tile)
 {
-	ivec2 cells = (tile.xy + tile.zw - 1) / LATTICE_CELL - tile.xy / LATTICE_CELL + 1;
-	return cells * (LATTICE_CELL / 2) + 1;
+	ivec2 cells = (tile.xy + tile.zw - 1) / CLOUD_LATTICE_CELL - tile.xy / CLOUD_LATTICE_CELL + 1;
+	return cells * (CLOUD_LATTICE_CELL / 2) + 1;
 }
 
 ivec2 lattice_pixel(ivec4 tile, ivec2 point)
@@ -79,16 +91,37 @@ ivec2 lattice_pixel(ivec4 tile, ivec2 point)
 }
 
 /* What clouds shade is smoother: its cells are larger, and there are but corners (cloud_shade.comp). */
-const int SHADE_CELL = 8;
-
 ivec2 shade_cells(ivec4 tile)
 {
-	return (tile.xy + tile.zw - 1) / SHADE_CELL - tile.xy / SHADE_CELL + 1;
+	return (tile.xy + tile.zw - 1) / CLOUD_SHADE_CELL - tile.xy / CLOUD_SHADE_CELL + 1;
 }
 
 ivec2 shade_corner(ivec4 tile, ivec2 corner)
 {
-	return min((tile.xy / SHADE_CELL + corner) * SHADE_CELL, ivec2(frame.width, frame.height) - 1);
+	return min((tile.xy / CLOUD_SHADE_CELL + corner) * CLOUD_SHADE_CELL, ivec2(frame.width, frame.height) - 1);
+}
+
+/* What shade may change by, as a share of a pixel's luminance, between what it is interpolated from: the corners of a cell, the ends of a row; and
+ * the latter's distance in rad, less than what clouds near the horizon are wide. */
+const float SHADE_MOST_CHANGE = 0.03, SHADE_MOST_ALONG = 0.1, SHADE_WIDEST = 0.01;
+const int SHADE_ROW_MASK = (1 << CLOUD_SHADE_CELL) - 1;
+
+float shade_luminance(vec4 L)
+{
+	return dot(bands.to_rgb[1], L);
+}
+
+/* The left corner of a row of a cell, in pixels; the row is counted from the tile's first. */
+ivec2 shade_row(ivec4 tile, ivec2 row)
+{
+	return ivec2(shade_corner(tile, ivec2(row.x, 0)).x, tile.y + row.y);
+}
+
+/* Columns of the cell that are in the tile: the first, and behind the last. */
+ivec2 shade_within(ivec4 tile, int column)
+{
+	int from = shade_corner(tile, ivec2(column, 0)).x;
+	return ivec2(max(from, tile.x), min(from + CLOUD_SHADE_CELL, tile.x + tile.z));
 }
 
 /* Direction of a pixel in the world; w: its solid angle, negative where it shows nothing. */

@@ -107,7 +107,16 @@ void march_add(inout March m, float t, float depth, vec3 source)
 	m.S *= exp(-x);
 }
 
-const float OPAQUE = 0.01; /* less light than this comes through what is not worth following */
+const float OPAQUE = 0.02; /* less light than this comes through what is not worth following */
+
+/* A ray that is not followed any farther: what it would gather from t on is taken to be as at its last sample. */
+void march_end(inout March m, float t, vec3 source)
+{
+	vec3 answer = m.S / march_scale() * source;
+	m.answer += answer;
+	m.sun_t += answer.x * t;
+	m.S = 0.0;
+}
 
 /* A stretch of a ray, and what is worked out once for it. */
 struct Stretch {
@@ -139,13 +148,17 @@ void march_uniform(inout March m, Stretch s)
 		}
 		float sigma = cloud_extinction(q, 1), middle = t + 0.5 * float(every - 1) * step_;
 		float sun_depth = sun_depth_at(cloud_point(s.ray, middle), to_sun_at(s, middle), sigma);
-		march_add(m, t, sigma * step_, cloud_source(m, q, sun_depth, s.nu));
+		vec3 source = cloud_source(m, q, sun_depth, s.nu);
+		march_add(m, t, sigma * step_, source);
 		if (saves(SAVE_SHARED_LIGHT) && i + 1 < n) {
 			q = cloud_point(s.ray, t + step_);
-			march_add(m, t + step_, cloud_extinction(q, 1) * step_, cloud_source(m, q, sun_depth, s.nu));
+			source = cloud_source(m, q, sun_depth, s.nu);
+			march_add(m, t + step_, cloud_extinction(q, 1) * step_, source);
 		}
-		if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE)
+		if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE) {
+			march_end(m, t, source);
 			break;
+		}
 	}
 }
 
@@ -226,9 +239,11 @@ void march_adaptive(inout March m, Stretch s)
 			p = next_cloud(s, t, step_, left);
 		float sigma = cloud_extinction_of(p.q, p.weather, p.shape), lit = p.t + (saves(SAVE_SHARED_LIGHT) ? 0.5 * p.span : 0.0);
 		float sun_depth = sun_depth_at(cloud_point(s.ray, lit), to_sun_at(s, lit), sigma);
+		vec3 source = vec3(0.0);
 		for (int i = 0; i < (saves(SAVE_SHARED_LIGHT) ? 2 : 1); i++) {
 			float within = clamp(s.end - t, 0.0, p.span);
-			march_add(m, p.t, sigma * within, cloud_source(m, p.q, sun_depth, s.nu));
+			source = cloud_source(m, p.q, sun_depth, s.nu);
+			march_add(m, p.t, sigma * within, source);
 			t += p.span;
 			step_ = next_step(m, sigma, coarse_step(s, t));
 			if (saves(SAVE_SHARED_LIGHT) && i == 0) {
@@ -237,8 +252,10 @@ void march_adaptive(inout March m, Stretch s)
 			}
 			dense--;
 		}
-		if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE)
+		if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE) {
+			march_end(m, t, source);
 			dense = 0;
+		}
 	} while (t < s.end && left > 0 && dense > 0);
 }
 

@@ -20,8 +20,6 @@ layout(location = LOCATION_ROWS) uniform vec4 rows[3];
 /* The same twice: of two texels the first is a pixel's light, and what is read of the other storage its place. */
 layout(binding = UNIT_CLOUD_BEFORE) uniform samplerBuffer cloud_before_texels;
 layout(std430, binding = BIND_CLOUD_BEFORE) readonly buffer Before { uvec4 before[]; };
-layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]; };
-layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
 layout(std430, binding = BIND_CLOUD_KEPT) writeonly buffer Kept { uvec4 kept[]; };
 
 const float CLIP = 1.75;   /* standard deviations that what was there may lie off the mean of what is marched around: 1 blurs, 4 lets ghosts through */
@@ -156,10 +154,8 @@ bool remember(vec4 d, float t, out Sight then)
 	return same_place;
 }
 
-void show(ivec2 pixel, int i, Sight s)
+void show(ivec2 pixel, Sight s)
 {
-	light[i] = s.light;
-	place[i] = s.place;
 	kept[pixel.y * frame.width + pixel.x] = sight_pack(s);
 }
 
@@ -174,11 +170,11 @@ void fill(ivec2 pixel, int i, Sight s[4], vec2 x, Around a)
 		/* what came to be seen here is where its neighbours are */
 		if (1.0 - then.light.x < 0.5 * (1.0 - now.x))
 			then.place = where;
-		show(pixel, i, Sight(now, then.place));
+		show(pixel, Sight(now, then.place));
 	} else if (alike(s[0], s[1], s[2], s[3])) {
-		show(pixel, i, between(s[0], s[1], s[2], s[3], x));
+		show(pixel, between(s[0], s[1], s[2], s[3], x));
 	} else {
-		list_add(CLOUD_LIST_PIXELS, i);
+		list_add(CLOUD_LIST_PIXELS, i, 1);
 	}
 }
 #endif
@@ -187,7 +183,7 @@ void fill(ivec2 pixel, int i, Sight s[4], vec2 x, Around a)
 void main()
 {
 	int n = int(gl_GlobalInvocationID.x);
-	ivec2 first = tile.xy / BLOCK, count = (tile.xy + tile.zw - 1) / BLOCK - first + 1;
+	ivec2 first = tile.xy / CLOUD_BLOCK, count = (tile.xy + tile.zw - 1) / CLOUD_BLOCK - first + 1;
 #if RAYS == CLOUD_RAYS_PIXELS
 	if (n >= list_length(CLOUD_LIST_POINTS))
 		return;
@@ -201,27 +197,33 @@ void main()
 #if RAYS == CLOUD_RAYS_BLOCKS
 	bool still = samples.z == 1, agreed = agree(a);
 	if (!still && !agreed)
-		list_add(CLOUD_LIST_POINTS, n);
+		list_add(CLOUD_LIST_POINTS, n, 1);
 #endif
-	int k = 0;
-	do { /* tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
-		ivec2 within = ivec2(k & 3, k >> 2), side = ivec2(greaterThanEqual(within, samples.xy)), low = block + side - 1;
-		ivec2 pixel = BLOCK * block + within, at = pixel - tile.xy;
-		if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, tile.zw)))
+	int cell = 0;
+	do { /* loops tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
+		ivec2 side = ivec2(cell & 1, cell >> 1), low = block + side - 1, begin = side * samples.xy, end = samples.xy + side * (CLOUD_BLOCK - samples.xy);
+		if (any(equal(begin, end)))
 			continue;
 		Sight s[4] = Sight[4](marched(low), marched(low + ivec2(1, 0)), marched(low + ivec2(0, 1)), marched(low + 1));
-		vec2 off = vec2(within - samples.xy + BLOCK * (1 - side)) / float(BLOCK);
-		int i = at.y * tile.z + at.x;
+		ivec2 next = begin;
+		do {
+			ivec2 within = next, pixel = CLOUD_BLOCK * block + within, at = pixel - tile.xy;
+			next = next.x + 1 < end.x ? ivec2(next.x + 1, next.y) : ivec2(begin.x, next.y + 1);
+			if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, tile.zw)))
+				continue;
+			vec2 off = vec2(within - samples.xy + CLOUD_BLOCK * (1 - side)) / float(CLOUD_BLOCK);
+			int i = at.y * tile.z + at.x;
 #if RAYS == CLOUD_RAYS_BLOCKS
-		if (pixel == own)
-			show(pixel, i, marched(block));
-		else if (still)
-			show(pixel, i, recall(before_pixel(pixel)));
-		else if (agreed)
-			show(pixel, i, between(s[0], s[1], s[2], s[3], off));
+			if (pixel == own)
+				show(pixel, marched(block));
+			else if (still)
+				show(pixel, recall(before_pixel(pixel)));
+			else if (agreed)
+				show(pixel, between(s[0], s[1], s[2], s[3], off));
 #else
-		if (pixel != own)
-			fill(pixel, i, s, off, a);
+			if (pixel != own)
+				fill(pixel, i, s, off, a);
 #endif
-	} while (++k < BLOCK * BLOCK);
+		} while (next.y < end.y);
+	} while (++cell < 4);
 }

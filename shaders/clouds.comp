@@ -16,10 +16,11 @@
 #endif
 
 layout(local_size_x = WORKGROUP_LINE) in;
+#ifdef KEEP /* of a frame that follows another */
+layout(std430, binding = BIND_CLOUD_KEPT) writeonly buffer Kept { uvec4 kept[]; };
+#else
 layout(std430, binding = BIND_CLOUD_LIGHT) writeonly buffer Light { vec4 light[]; };
 layout(std430, binding = BIND_CLOUD_PLACE) writeonly buffer Place { vec4 place[]; };
-#ifdef KEEP /* for the sequence's next frame */
-layout(std430, binding = BIND_CLOUD_KEPT) writeonly buffer Kept { uvec4 kept[]; };
 #endif
 #if RAYS != CLOUD_RAYS_GIVEN
 layout(std430, binding = BIND_CLOUD_LATTICE) buffer Lattice { vec4 lattice[]; };
@@ -114,12 +115,11 @@ void main()
 #if RAYS == CLOUD_RAYS_LATTICE
 	lattice[2 * at] = c.light;
 	lattice[2 * at + 1] = c.place;
+#elif defined(KEEP)
+	kept[pixel.y * frame.width + pixel.x] = sight_pack(Sight(c.light, c.place));
 #else
 	light[at] = c.light;
 	place[at] = c.place;
-#ifdef KEEP
-	kept[pixel.y * frame.width + pixel.x] = sight_pack(Sight(c.light, c.place));
-#endif
 #endif
 }
 #endif

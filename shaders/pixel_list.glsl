@@ -11,12 +11,14 @@ void lists_clear()
 		list[k] = k % CLOUD_LIST_HEAD == 1 || k % CLOUD_LIST_HEAD == 2 ? 1u : 0u;
 }
 
-void list_add(int which, int at)
+/* threads: how many the kernel has for each point; a power of 2, up to WORKGROUP_LINE. */
+void list_add(int which, int at, int threads)
 {
 	int head = which * CLOUD_LIST_HEAD;
-	uint i = atomicAdd(list[head + 3], 1u);
+	uint i = atomicAdd(list[head + 3], 1u), in_group = uint(WORKGROUP_LINE / threads);
 	list[CLOUD_LIST_FIRST + 2 * int(i) + which] = uint(at);
-	atomicMax(list[head], i / WORKGROUP_LINE + 1u);
+	if (i % in_group == 0u)
+		atomicMax(list[head], i / in_group + 1u);
 }
 
 int list_length(int which)

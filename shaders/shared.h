@@ -43,7 +43,7 @@ typedef unsigned int uint;
 #define BIND_CLOUD_SHADE 1   /* two vec4 per pixel: radiance of the batch that clouds take before and behind them; cloud_shade.comp */
 #define BIND_CLOUD_BEFORE 0  /* likewise: uvec4 per pixel of the image, clouds of the frame before; cloud_history.glsl */
 #define BIND_CLOUD_KEPT 1    /* likewise, of this frame for the next */
-#define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp */
+#define BIND_CLOUD_LIGHT 7   /* vec4 per pixel: transmittance of the clouds; response to sun, sky and ground; shaders/clouds.comp. Of a frame that follows another: BIND_CLOUD_KEPT */
 #define BIND_CLOUD_PLACE 8   /* vec4 per pixel: where they are */
 #define BIND_PATHS 8         /* kernel of the reference: PATH_UVEC4S per ray, paths through clouds that the next dispatch goes on with */
 #define PATH_UVEC4S 8
@@ -122,6 +122,8 @@ typedef unsigned int uint;
 #define UNIT_CLOUD_BEFORE 37
 #define UNIT_CLOUD_LIGHT_OF_RAYS 38
 #define UNIT_CLOUD_PLACE 39
+#define UNIT_CLOUD_KEPT 42       /* of a frame that follows another, in place of those two: what it keeps, as half floats; cloud_sight.glsl */
+#define UNIT_CLOUD_KEPT_WORDS 43 /* the same as it is */
 
 #define UNIT_RASTER_DEPTH 40  /* of the samples of UNIT_RASTER: near over distance */
 #define UNIT_CLOUD_SUN 34     /* optical depth of clouds to the sun; cloud_sun.glsl */
@@ -230,6 +232,13 @@ typedef unsigned int uint;
 #define CLOUD_RAYS_LATTICE 2
 #define CLOUD_RAYS_PIXELS 3
 #define CLOUD_RAYS_BLOCKS 4
+
+/* Sides in pixels: of a block, of which a frame that follows another marches one pixel (cloud_history.glsl); of the cells that fewer rays are
+ * marched at the corners of, and of those that shade is worked out at the corners of (cloud_lattice.glsl). */
+#define CLOUD_BLOCK 4
+#define CLOUD_LATTICE_CELL 4
+#define CLOUD_SHADE_CELL 8
+
 /* BIND_CLOUD_LIST: for each of two lists workgroups along x, y, z, and how many points; then the points; pixel_list.glsl. Of the
  * march: points of the lattice or blocks, and pixels. */
 #define CLOUD_LIST_POINTS 0
@@ -241,7 +250,7 @@ typedef unsigned int uint;
 #define SHADE_HERE 0    /* it works it out, pixel by pixel */
 #define SHADE_THERE 1   /* BIND_CLOUD_SHADE */
 #define SHADE_OF_RAYS 2 /* it works it out for cloud_shade.comp, and does nothing else */
-#define CLOUD_LIST_COMPOSED 0 /* its lists: pixels with clouds, and those whose shade is worked out one by one */
+#define CLOUD_LIST_COMPOSED 0 /* its lists, of rows of cells: with clouds, and those whose shade is not worked out between the cells' corners */
 #define CLOUD_LIST_SHADED 1
 #define COURSE_NO_AIR 0
 #define COURSE_TO_GROUND 1
