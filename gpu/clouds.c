@@ -74,6 +74,9 @@ static void set_regions(struct CloudsBlock *block, const double at_m[2], double 
 	block->regions[3] = 3.2f; /* five regions or so */
 }
 
+/* Of the sky that clouds see, fitted; cloud_grid.glsl. */
+static const float sky_edge = 0.706f;
+
 /* Steps in which shapes rise, of the layer's height: a tenth of a cell of the grids. */
 static const double rise_part = 0.1 / CLOUD_GRID_UP;
 
@@ -152,6 +155,7 @@ void clouds_prepare(struct scene *scene, const struct welkin_request *request)
 	block->cloud_seed = request->seed;
 	block->persistence = (float)c->base_persistence;
 	block->base_gamma = (float)c->base_gamma;
+	block->sky_edge = sky_edge;
 	block->detail_gamma = (float)c->detail_gamma;
 }
 

@@ -132,7 +132,9 @@ typedef unsigned int uint;
 #define CLOUD_AROUND_GAIN 1
 #define CLOUD_AROUND_BELOW 2
 #define CLOUD_AROUND_ABOVE 3
-#define CLOUD_AROUND_LAYERS 4
+#define CLOUD_AROUND_GROUND 4
+#define CLOUD_AROUND_SKY 5
+#define CLOUD_AROUND_LAYERS 6
 
 /* Samples of a pixel in the raster pass. */
 #define RASTER_SAMPLES 4
@@ -370,7 +372,8 @@ WELKIN_BLOCK(CloudsBlock, BIND_CLOUDS)
 	int perlin_frequency, perlin_octaves, worley_frequency, base_shape;
 	int worley_metric, worley_inverted, detail_frequency;
 	uint cloud_seed;
-	float persistence, base_gamma, detail_gamma, reserved;
+	float persistence, base_gamma, detail_gamma;
+	float sky_edge;        /* how much brighter than its mean the sky is at its horizon; cloud_grid.glsl */
 	uint painted_a, painted_b, painted_c; /* which scene's weather map and noise volumes, for the keys of tables; 0: none's */
 	uint painted_parts;                   /* which of them: PAINTED_WEATHER and so on */
 WELKIN_BLOCK_END(clouds)
