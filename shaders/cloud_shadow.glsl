@@ -94,7 +94,7 @@ AirLight cloud_air_at(vec3 q, vec3 to_sun, float apart)
 	vec3 at = cloud_grid_home(q), levels = cloud_wide_levels(at, 0, off > 0.0 ? off : apart);
 	int fine = int(levels.x), wide = int(levels.y);
 	float straight = q.y < clouds.bottom ? cloud_below_light(q, to_sun, 0).w : q.y < clouds.top ? cloud_light_of_level(at, wide).w : 1.0;
-	float layer = mix(float(CLOUD_AROUND_BELOW), float(CLOUD_AROUND_ABOVE), clamp(cloud_height(q.y), 0.0, 1.0));
+	float layer = mix(float(CLOUD_AROUND_BELOW), float(CLOUD_AROUND_ABOVE), clamp((q.y - clouds.bottom) / (clouds.top - clouds.bottom), 0.0, 1.0));
 	return AirLight(straight, mix(cloud_around_of_level(at, fine, layer), cloud_around_of_level(at, wide, layer), levels.z));
 }
 
