@@ -89,7 +89,7 @@ static void overlook(struct CloudsBlock *to, const struct CloudsBlock *from)
 		float *to;
 		float from;
 	} gliding[] = { { &to->weather[2], from->weather[2] }, { &to->high[2], from->high[2] },
-		{ &to->extinction, from->extinction }, { &to->type, from->type },
+		{ &to->extinction, from->extinction }, { &to->type, from->type }, { &to->top, from->top },
 		{ &to->precipitation, from->precipitation }, { &to->anvil, from->anvil },
 		{ &to->detail_strength, from->detail_strength }, { &to->high_depth, from->high_depth },
 		{ &to->shear_east, from->shear_east }, { &to->shear_south, from->shear_south } };

@@ -74,6 +74,9 @@ static void set_regions(struct CloudsBlock *block, const double at_m[2], double 
 	block->regions[3] = 3.2f; /* five regions or so */
 }
 
+/* Of the sky that clouds see, fitted; cloud_grid.glsl. */
+static const float sky_edge = 0.706f;
+
 /* Steps in which shapes rise, of the layer's height: a tenth of a cell of the grids. */
 static const double rise_part = 0.1 / CLOUD_GRID_UP;
 
@@ -117,12 +120,25 @@ static void set_offsets(struct CloudsBlock *block, const struct welkin_request *
 	block->shear_south = (float)(-c->shear_m * cos(heading));
 }
 
+/* Share of the layer's height that clouds can reach: where the profile of the highest type of the map ends. A stratus
+ * is low in its layer, and grids that hold no more than it have cells that resolve it. */
+static double filled(const struct welkin_clouds *c)
+{
+	if (c->base_shape == WELKIN_SHAPE_UNIFORM || c->weather_map != WELKIN_WEATHER_PROCEDURAL)
+		return 1;
+	const double type = fmin(c->type + CLOUD_TYPE_SPREAD, 1), share = type < 0.5 ? 2 * type : 2 * type - 1;
+	const double from = type < 0.5 ? CLOUD_STRATUS_END : CLOUD_STRATOCUMULUS_END,
+		     to = type < 0.5 ? CLOUD_STRATOCUMULUS_END : 1;
+	return fmin(from + share * (to - from) + CLOUD_BASE_RISE * type, 1);
+}
+
 void clouds_prepare(struct scene *scene, const struct welkin_request *request)
 {
 	const struct welkin_clouds *c = &request->clouds;
 	struct CloudsBlock *block = &scene->clouds;
 	block->bottom = (float)c->bottom_m;
-	block->top = (float)c->top_m;
+	block->thickness = (float)(c->top_m - c->bottom_m);
+	block->top = (float)(c->bottom_m + filled(c) * (c->top_m - c->bottom_m));
 	set_axes(block, &scene->frame);
 	set_offsets(block, request);
 	/* geometric optics: 3/2 LWC / (rho_water r_eff), with g/m³ over (1e6 g/m³ · 1e-6 m) */
@@ -152,6 +168,7 @@ void clouds_prepare(struct scene *scene, const struct welkin_request *request)
 	block->cloud_seed = request->seed;
 	block->persistence = (float)c->base_persistence;
 	block->base_gamma = (float)c->base_gamma;
+	block->sky_edge = sky_edge;
 	block->detail_gamma = (float)c->detail_gamma;
 }
 

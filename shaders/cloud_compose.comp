@@ -92,7 +92,10 @@ Shaded shaded_along(vec3 d, float t_end)
 	if (ground >= 0.0 && t_end > ray.start + ground && (frame.features & FEATURE_GROUND) != 0) {
 		vec3 q = cloud_point(ray, end);
 		vec4 clear, clouded, L, T;
-		ground_irradiance(q, 0, cloud_around(q, CLOUD_AROUND_GAIN), clear, clouded);
+		q.y = 0.0;
+		vec3 to_sun = cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q);
+		vec4 seen = clouds.weather.z > 0.0 ? cloud_ground_light(q, to_sun) : vec4(1.0, 0.0, 1.0, 0.0);
+		ground_irradiance(q, to_sun, seen, cloud_sky_gain(q), clear, clouded);
 		aerial_perspective(d, end, L, T);
 		vec4 change = T * bands.ground_albedo * bands.sun_irradiance * (clouded - clear) / PI;
 		if (under.x <= ray.start)

@@ -89,7 +89,7 @@ float cloud_ramp(float x, float a, float b)
 /* Profile over the height within the layer, 0 … 1, of a type: stratus 0, stratocumulus 0.5, cumulus 1. */
 float cloud_profile(float height, float type)
 {
-	const vec4 stratus = vec4(0.0, 0.05, 0.09, 0.12), stratocumulus = vec4(0.0, 0.2, 0.42, 0.7), cumulus = vec4(0.0, 0.12, 0.55, 1.0);
+	const vec4 stratus = vec4(0.0, 0.05, 0.09, CLOUD_STRATUS_END), stratocumulus = vec4(0.0, 0.2, 0.42, CLOUD_STRATOCUMULUS_END), cumulus = vec4(0.0, 0.12, 0.55, 1.0);
 	vec4 p = type < 0.5 ? mix(stratus, stratocumulus, 2.0 * type) : mix(stratocumulus, cumulus, 2.0 * type - 1.0);
 	float rise = cloud_ramp(height, p.x, p.y), fall = 1.0 - cloud_ramp(height, p.z, p.w);
 	return rise * rise * (3.0 - 2.0 * rise) * fall;
@@ -136,7 +136,7 @@ vec4 cloud_weather(vec2 level)
 
 float cloud_height(float h)
 {
-	return (h - clouds.bottom) / (clouds.top - clouds.bottom);
+	return (h - clouds.bottom) / clouds.thickness;
 }
 
 /* Cumulus never fill the layer: noise carves them wherever they are. */
@@ -146,7 +146,7 @@ const float MOST_COVERED = 0.72;
 vec2 cloud_envelope(float height, vec4 weather)
 {
 	/* bases are not level, and thin clouds are low: domes, not columns */
-	float lifted = height - 0.08 * weather.a * weather.b;
+	float lifted = height - CLOUD_BASE_RISE * weather.a * weather.b;
 	float tall = mix(1.0, mix(0.3, 1.0, weather.r), weather.b);
 	float coverage = pow(weather.r, mix(1.0, mix(1.0, 0.5, cloud_ramp(height, 0.6, 0.95)), clouds.anvil));
 	coverage *= mix(1.0, MOST_COVERED, weather.b);

@@ -114,3 +114,35 @@ float cloud_grid_weight(int i)
 {
 	return i < 6 ? 1.0 / 15.0 : 3.0 / 40.0;
 }
+
+/*
+ * The sky that clouds see is the brighter the nearer to its horizon. Its radiance, in units in which its irradiance on level ground is π, is
+ *
+ *     1 + b (1 / (μ + 0.1) - m),     b = clouds.sky_edge, m such that the irradiance is π.
+ *
+ * Fitted to skies of the earth seen from 1 to 3 km, sun between -3° and 85°: within 8 % of their mean radiance, 0.3 to 0.6 of it at the zenith.
+ */
+const float SKY_EDGE = 0.1, SKY_EDGE_MEAN = 1.5204209;
+
+float cloud_sky(float mu)
+{
+	return 1.0 + clouds.sky_edge * (1.0 / (max(mu, 0.0) + SKY_EDGE) - SKY_EDGE_MEAN);
+}
+
+/* Its mean over the half-sphere. */
+float cloud_sky_mean()
+{
+	return 1.0 + clouds.sky_edge * (log(1.0 / SKY_EDGE + 1.0) - SKY_EDGE_MEAN);
+}
+
+/* What surrounds clouds in the directions that one of the grid stands for: x, the sky's radiance; y, the ground's, which is 1. Those are wider
+ * than the rise of most, so that two opposite ones that are nearly level see about the same. */
+const float DIRECTION_WIDTH = 0.3; /* in the cosine to the vertical, to either side */
+
+vec2 cloud_grid_outside(float mu)
+{
+	float low = clamp(mu - DIRECTION_WIDTH, 0.0, 1.0), high = clamp(mu + DIRECTION_WIDTH, 0.0, 1.0);
+	float whole = min(mu + DIRECTION_WIDTH, 1.0) - max(mu - DIRECTION_WIDTH, -1.0), sky = high - low;
+	float edge = clouds.sky_edge * (log((high + SKY_EDGE) / (low + SKY_EDGE)) - SKY_EDGE_MEAN * sky);
+	return vec2(sky + edge, whole - sky) / whole;
+}

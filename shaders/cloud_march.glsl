@@ -279,7 +279,7 @@ void march_high(inout March m, CloudRay ray, float t, vec3 d, vec3 up)
 	vec3 view = cloud_direction(d, up, q);
 	float depth = high_depth(q), slant = depth / max(abs(view.y), HIGH_LEAST_MU), sun_slant = depth / max(abs(to_sun.y), HIGH_LEAST_MU);
 	/* either side of the sheet sees the sun through half of it on the mean, and half a sky and half a ground */
-	CloudLight open = CloudLight(vec3(0.0, 2.0 * PI, 2.0 * PI), 0.5 * sun_slant);
+	CloudLight open = CloudLight(2.0 * PI * vec3(0.0, cloud_sky_mean(), 1.0), 0.5 * sun_slant);
 	float nu = dot(d, frame.sun_direction.xyz);
 	march_add(m, t, slant, cloud_light_source(open, open.sun_depth, -log(max(m.T, 1e-20)), nu));
 }

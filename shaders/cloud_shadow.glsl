@@ -41,20 +41,12 @@ vec3 cloud_wide_levels(vec3 at, int least, float off)
 	return vec3(fine, min(fine + 1, CLOUD_GRID_LEVELS - 1), clamp(level - float(fine), 0.0, 1.0));
 }
 
-/* On level ground at q: share of the sun's irradiance that comes straight or nearly so; irradiance that comes diffused, per sun irradiance
- * of 1 on a plane that faces it; share of the sky's; share of the ground's own light that clouds send back. What comes straight is averaged
- * over cells of at least such a level. */
-vec4 cloud_ground_light(vec3 q, vec3 to_sun, int least)
-{
-	vec3 at = cloud_below_point(q, vec3(0.0, 1.0, 0.0)), levels = cloud_wide_levels(at, least, clouds.bottom - q.y);
-	vec4 wide = mix(cloud_light_of_level(at, int(levels.x)), cloud_light_of_level(at, int(levels.y)), levels.z);
-	return vec4(cloud_below_sharp(q, to_sun, least), 0.5 * wide.x, clamp(vec2(wide.y, wide.z - 2.0 * PI) / (2.0 * PI), 0.0, 1.0));
-}
-
 /*
  * What clouds do to diffuse light, for each column of the grids, per band and relative to what it is under a clear sky (table cloud_around):
  * LIT, irradiance of the ground below, which lies in their shadow; GAIN, light of the sky above the layer, which sees clouds below it instead
- * of the ground; BELOW and ABOVE, light from all directions at the bottom of the layer and at its top.
+ * of the ground; BELOW and ABOVE, light from all directions at the bottom of the layer and at its top;
+ * SKY, light of the sky on the ground, of which the air below the layer sends a part, once GROUND's share is taken. GROUND, on the ground: irradiance by the sun's light
+ * that clouds diffuse, per sun irradiance of 1; share of the sky's; share of the ground's own light that clouds send back; share of sunlight that comes straight.
  */
 layout(binding = UNIT_CLOUD_AROUND) uniform sampler3D cloud_around_texture;
 
@@ -65,10 +57,27 @@ vec4 cloud_around_of_level(vec3 at, int level, float layer)
 	return textureLod(cloud_around_texture, vec3(cloud_grid_place(at, level).xy / float(CLOUD_GRID_ACROSS), z), 0.0);
 }
 
+/* On level ground at q: share of the sun's irradiance that comes straight or nearly so; irradiance that comes diffused, per sun irradiance
+ * of 1 on a plane that faces it; share of the sky's; share of the ground's own light that clouds send back. */
+vec4 cloud_ground_light(vec3 q, vec3 to_sun)
+{
+	vec3 at = cloud_grid_home(q);
+	int level = cloud_grid_level(at, 0), next = min(level + 1, CLOUD_GRID_LEVELS - 1);
+	float blend = smoothstep(0.8, 1.0, cloud_grid_reach(at, level));
+	vec4 wide = mix(cloud_around_of_level(at, level, float(CLOUD_AROUND_GROUND)), cloud_around_of_level(at, next, float(CLOUD_AROUND_GROUND)), blend);
+	return vec4(cloud_below_sharp(q, to_sun, 0), wide.xyz);
+}
+
 /* On the mean over wide surroundings. */
 vec4 cloud_around(vec3 q, int layer)
 {
 	return cloud_around_of_level(cloud_grid_home(q), CLOUD_GRID_LEVELS - 1, float(layer));
+}
+
+/* Of the sky's light that comes through openings to a place at the height of q. */
+vec4 cloud_sky_gain(vec3 q)
+{
+	return mix(cloud_around(q, CLOUD_AROUND_SKY), cloud_around(q, CLOUD_AROUND_GAIN), clamp(q.y / clouds.top, 0.0, 1.0));
 }
 
 /* Light in the air, relative to a clear sky's: share of the sun's that comes straight or nearly so, and diffuse light. */
@@ -85,7 +94,7 @@ AirLight cloud_air_at(vec3 q, vec3 to_sun, float apart)
 	vec3 at = cloud_grid_home(q), levels = cloud_wide_levels(at, 0, off > 0.0 ? off : apart);
 	int fine = int(levels.x), wide = int(levels.y);
 	float straight = q.y < clouds.bottom ? cloud_below_light(q, to_sun, 0).w : q.y < clouds.top ? cloud_light_of_level(at, wide).w : 1.0;
-	float layer = mix(float(CLOUD_AROUND_BELOW), float(CLOUD_AROUND_ABOVE), clamp(cloud_height(q.y), 0.0, 1.0));
+	float layer = mix(float(CLOUD_AROUND_BELOW), float(CLOUD_AROUND_ABOVE), clamp((q.y - clouds.bottom) / (clouds.top - clouds.bottom), 0.0, 1.0));
 	return AirLight(straight, mix(cloud_around_of_level(at, fine, layer), cloud_around_of_level(at, wide, layer), levels.z));
 }
 
@@ -128,7 +137,7 @@ vec4 cloud_light_on(vec3 q, vec3 to_sun)
 	int level = cloud_grid_level(cloud_grid_home(q), 1);
 	vec3 place = cloud_grid_coordinates(cloud_grid_place(cloud_grid_home(q), level), level);
 	float depth = textureLod(cloud_cells_texture, place, 0.0).r * cloud_light_scale() * max(q.y - clouds.bottom, 0.0);
-	vec4 seen = cloud_ground_light(q, to_sun, 0) * vec4(1.0, vec3(0.5 + 0.5 * exp(-depth)));
+	vec4 seen = cloud_ground_light(q, to_sun) * vec4(1.0, vec3(0.5 + 0.5 * exp(-depth)));
 	return q.y < clouds.top ? seen : vec4(1.0, 0.0, 1.0, 0.0);
 }
 

@@ -129,12 +129,21 @@ typedef unsigned int uint;
 #define UNIT_CLOUD_SUN 34     /* optical depth of clouds to the sun; cloud_sun.glsl */
 #define UNIT_CLOUD_AROUND 41  /* what clouds do to the light around them; cloud_shadow.glsl */
 
+/* Where profiles of types end, of the layer's height, for stratus and stratocumulus (cumulus: 1); by how much the map's types differ from the one asked for;
+ * how high bases lie at most, of cumulus. */
+#define CLOUD_STRATUS_END 0.12
+#define CLOUD_STRATOCUMULUS_END 0.7
+#define CLOUD_TYPE_SPREAD 0.12
+#define CLOUD_BASE_RISE 0.08
+
 /* Layers of that table for each level of the grids. */
 #define CLOUD_AROUND_LIT 0
 #define CLOUD_AROUND_GAIN 1
 #define CLOUD_AROUND_BELOW 2
 #define CLOUD_AROUND_ABOVE 3
-#define CLOUD_AROUND_LAYERS 4
+#define CLOUD_AROUND_GROUND 4
+#define CLOUD_AROUND_SKY 5
+#define CLOUD_AROUND_LAYERS 6
 
 /* Samples of a pixel in the raster pass. */
 #define RASTER_SAMPLES 4
@@ -366,7 +375,7 @@ WELKIN_BLOCK(CloudsBlock, BIND_CLOUDS)
 	vec4 grid[CLOUD_GRID_LEVELS]; /* xy: least x and z in m, z: side of a cell in m; cloud_grid.glsl */
 	vec4 regions;          /* xyz: phases of cloud_region() at the camera's footprint, in periods; w: its amplitude, 0 where the map just repeats */
 	vec4 weather, curl, high; /* xy offset, z: of weather: coverage, of curl: strength in m, of high: coverage; w 1 / side */
-	float bottom, top;     /* m above the ground sphere */
+	float bottom, top;     /* m above the ground sphere: of what may hold clouds */
 	float extinction;      /* 1/m where densest */
 	float albedo;
 	float type, precipitation, anvil, detail_strength;
@@ -379,7 +388,10 @@ WELKIN_BLOCK(CloudsBlock, BIND_CLOUDS)
 	int perlin_frequency, perlin_octaves, worley_frequency, base_shape;
 	int worley_metric, worley_inverted, detail_frequency;
 	uint cloud_seed;
-	float persistence, base_gamma, detail_gamma, reserved;
+	float persistence, base_gamma, detail_gamma;
+	float sky_edge;        /* how much brighter than its mean the sky is at its horizon; cloud_grid.glsl */
+	float thickness;       /* m: of the layer as asked for, by which profiles go; gpu/clouds.c */
+	float reserved1, reserved2, reserved3;
 	uint painted_a, painted_b, painted_c; /* which scene's weather map and noise volumes, for the keys of tables; 0: none's */
 	uint painted_parts;                   /* which of them: PAINTED_WEATHER and so on */
 WELKIN_BLOCK_END(clouds)

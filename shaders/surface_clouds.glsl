@@ -10,7 +10,7 @@ void under_clouds(inout Lighting light, vec3 d, float t, vec3 up)
 	vec3 q = cloud_point(cloud_ray(d, frame.vertical.xyz, frame.camera_altitude), t);
 	vec3 to_sun = cloud_direction(light.l, frame.vertical.xyz, q);
 	vec4 seen = cloud_under_high(clouds.weather.z > 0.0 ? cloud_light_on(q, to_sun) : vec4(1.0, 0.0, 1.0, 0.0), q, to_sun);
-	vec4 gain = cloud_around(q, CLOUD_AROUND_GAIN);
+	vec4 gain = cloud_sky_gain(q);
 	/* the share of the light that comes from below is worked out anew by who shades */
 	float above = 0.5 + 0.5 * light.rise, below = 1.0 - above;
 	vec4 ground = below * bands.ground_albedo * light.level_sun * light.sun;

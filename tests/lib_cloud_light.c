@@ -74,6 +74,7 @@ static void field_scene(struct scene *scene, const struct cloud_field *field, co
 	c->curl[0] = (float)field->endless;
 	c->bottom = (float)field->origin[1];
 	c->top = (float)(field->origin[1] + field->cell * (field->n[1] - 1));
+	c->thickness = c->top - c->bottom;
 	c->weather[3] = 1.0f / 40000; /* no weather, but the grids hold one period of it */
 	c->albedo = (float)albedo;
 	c->forward_g = (float)phase->forward;

@@ -16,27 +16,62 @@ vec4 reflected_by_air(float h)
 	return depth / (1.0 + depth);
 }
 
+/* Light at the layer's bottom around `at`, as it spreads on its way to the ground: half of what arrives comes from within the layer's height, by rings
+ * of which each brings a third. */
+const int RINGS = 3, ROUND = 4;
+const float RING[RINGS] = float[](0.4472136, 1.0, 2.236068);
+
+vec4 spread_to_ground(vec3 at, int level)
+{
+	/* cells a quarter as wide or more */
+	int least = max(level, int(clamp(ceil(log2(0.25 * clouds.bottom / clouds.grid[0].z) / log2(CLOUD_GRID_GROWTH)), 0.0, float(CLOUD_GRID_LEVELS - 1))));
+	vec4 sum = vec4(0.0);
+	for (int i = 0; i < RINGS * ROUND; i++) {
+		float turn = 2.0 * PI * (float(i % ROUND) + 0.29 * float(i / ROUND)) / float(ROUND);
+		vec3 there = cloud_grid_home(at + clouds.bottom * RING[i / ROUND] * vec3(cos(turn), 0.0, sin(turn)));
+		sum += cloud_light_of_level(there, cloud_grid_level(there, least));
+	}
+	return sum / float(RINGS * ROUND);
+}
+
+/* Share of the light that the air below scatters which has come straight from the sun. */
+vec4 share_of_sun(float h, float mu_s)
+{
+	vec4 sun = sunlight_at(h, mu_s);
+	return sun / max(sun + multiple_moments(h, mu_s).m0, 1e-20);
+}
+
 void main()
 {
 	ivec3 column = ivec3(gl_GlobalInvocationID), foot = ivec3(column.xy, column.z * CLOUD_GRID_UP);
 	if (any(greaterThanEqual(column, ivec3(CLOUD_GRID_ACROSS, CLOUD_GRID_ACROSS, CLOUD_GRID_LEVELS))))
 		return;
-	vec3 q = cloud_grid_point(vec3(vec2(column.xy) + 0.5, 0.0), column.z);
-	float mu_s = clamp(cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q).y, -1.0, 1.0);
-	vec4 below = texelFetch(cloud_light_texture, foot, 0), above = texelFetch(cloud_light_texture, foot + ivec3(0, 0, CLOUD_GRID_UP - 1), 0);
-	vec4 down, back, clear, clouded, sun = sunlight_at(clouds.top, mu_s);
-	ground_irradiance(q, column.z, vec4(1.0), clear, clouded);
+	vec3 q = cloud_grid_point(vec3(vec2(column.xy) + 0.5, 0.0), column.z), to_sun = cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q);
+	float mu_s = clamp(to_sun.y, -1.0, 1.0), mean = cloud_sky_mean();
+	vec4 wide = spread_to_ground(q, column.z), below = texelFetch(cloud_light_texture, foot, 0), above = texelFetch(cloud_light_texture, foot + ivec3(0, 0, CLOUD_GRID_UP - 1), 0);
+	vec4 ground = vec4(0.5 * wide.x, clamp(vec2(wide.y, wide.z - 2.0 * PI) / (2.0 * PI), 0.0, 1.0), wide.w);
+	vec4 down, back, from_above, from_below, clear, clouded, sun = sunlight_at(clouds.top, mu_s);
+	vec3 foot_of_column = vec3(q.x, 0.0, q.z);
+	ground_irradiance(foot_of_column, to_sun, ground.wxyz, vec4(1.0), clear, clouded);
 	sky_halves(clouds.top, mu_s, down, back);
 	vec4 lit = clouded / max(clear, 1e-20), risen = 0.5 * (sun * above.x + back * lit * above.z / PI);
 	vec4 R = reflected_by_air(clouds.top);
-	vec4 gain = (down + R * (risen - back)) / max(down * (1.0 - R * max(above.y / (2.0 * PI) - 1.0, 0.0)), 1e-20);
+	vec4 gain = (down + R * (risen - back)) / max(down * (1.0 - R * max(above.y / (2.0 * PI) - mean, 0.0)), 1e-20);
 	gain = clamp(gain, 0.0, MOST_GAIN);
-	vec4 field_above = (sun * above.x + (down * gain * above.y + back * lit * above.z) / PI) / max(2.0 * (down + back), 1e-20);
-	sky_halves(clouds.bottom, mu_s, down, back);
-	vec4 field_below = (sunlight_at(clouds.bottom, mu_s) * below.x + (down * gain * below.y + back * lit * below.z) / PI) / max(2.0 * (down + back), 1e-20);
+	sky_fields(clouds.top, mu_s, from_above, from_below);
+	vec4 field_above = (sun * above.x + (from_above * gain * above.y / mean + from_below * lit * above.z) / (2.0 * PI)) / max(from_above + from_below, 1e-20);
+	/* of the ground's light from the sky, the air below the layer sends what the sky at the layer's top doesn't */
+	vec4 low = clamp(1.0 - down / max(multiple_ground_irradiance(mu_s), 1e-20), 0.0, 1.0);
+	vec4 sky = mix(gain, mix(gain, vec4(ground.w / max(ground.y, 0.05)), share_of_sun(0.5 * clouds.bottom, mu_s)), low);
+	/* the lowest cells have irradiance, which to an open sky is less than all of its light */
+	float open = below.y / (2.0 * PI), spread = mix(1.0 / mean, 1.0, clamp(open, 0.0, 1.0));
+	sky_fields(clouds.bottom, mu_s, from_above, from_below);
+	vec4 field_below = (sunlight_at(clouds.bottom, mu_s) * below.x + from_above * gain * open * spread + from_below * lit * below.z / (2.0 * PI)) / max(from_above + from_below, 1e-20);
 	ivec3 first = ivec3(column.xy, column.z * CLOUD_AROUND_LAYERS);
 	imageStore(table, first + ivec3(0, 0, CLOUD_AROUND_LIT), lit);
 	imageStore(table, first + ivec3(0, 0, CLOUD_AROUND_GAIN), gain);
 	imageStore(table, first + ivec3(0, 0, CLOUD_AROUND_BELOW), field_below);
 	imageStore(table, first + ivec3(0, 0, CLOUD_AROUND_ABOVE), field_above);
+	imageStore(table, first + ivec3(0, 0, CLOUD_AROUND_GROUND), ground);
+	imageStore(table, first + ivec3(0, 0, CLOUD_AROUND_SKY), sky);
 }

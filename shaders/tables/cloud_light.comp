@@ -36,8 +36,7 @@ vec3 arriving(vec3 q, vec3 d, int level)
 		t += step_;
 		step_ *= i == 0 ? 2.0 : 2.2;
 	}
-	float sky = step(0.0, d.y);
-	return sum + 4.0 * PI * T * vec3(0.0, sky, 1.0 - sky);
+	return sum + 4.0 * PI * T * vec3(0.0, cloud_grid_outside(d.y));
 }
 
 /* What the outermost cells see of the layer: a half-space, by Gauss-Legendre in the cosine. The highest have light from all directions, for the air above. The lowest
@@ -57,9 +56,9 @@ vec3 layer_seen(vec3 q, float way, int level)
 		do
 			emit(seen, T, q + d * ((float(k) + 0.5) * rise / ring.x), rise / ring.x, level);
 		while (++k < CLOUD_GRID_UP);
-		sum += ring.y / float(ROUND) * (way > 0.0 ? 2.0 * ring.x : 1.0) * (seen + 4.0 * PI * T * vec3(0.0, way > 0.0 ? 1.0 : 0.0, way < 0.0 ? 1.0 : 0.0));
+		sum += ring.y / float(ROUND) * (way > 0.0 ? 2.0 * ring.x : 1.0) * (seen + 4.0 * PI * T * vec3(0.0, way > 0.0 ? cloud_sky(ring.x) : 0.0, way < 0.0 ? 1.0 : 0.0));
 	}
-	return 0.5 * sum + 2.0 * PI * vec3(0.0, way < 0.0 ? 1.0 : 0.0, way > 0.0 ? 1.0 : 0.0);
+	return 0.5 * sum + 2.0 * PI * vec3(0.0, way < 0.0 ? cloud_sky_mean() : 0.0, way > 0.0 ? 1.0 : 0.0);
 }
 
 /* Does a sample anywhere in the cell read what is here? Cells around it count. */
@@ -81,7 +80,7 @@ void main()
 	int level = texel.z / CLOUD_GRID_UP;
 	vec3 place = vec3(texel.xy, texel.z - level * CLOUD_GRID_UP) + 0.5, q = cloud_grid_point(place, level);
 	vec4 openness = texelFetch(cloud_openness_texture, texel, 0);
-	vec3 sum = vec3(0.0, 2.0 * PI, 2.0 * PI);
+	vec3 sum = 2.0 * PI * vec3(0.0, cloud_sky_mean(), 1.0);
 	float way = place.z < 1.0 ? 1.0 : place.z > float(CLOUD_GRID_UP) - 1.0 ? -1.0 : 0.0;
 	for (int busy = way == 0.0 && reads_cloud(place, level) ? 1 : 0; busy > 0; busy--) {
 		sum = vec3(0.0);

@@ -1,18 +1,12 @@
 /*
  * What the cells of the grids see, in the scaled medium: x, y the shares of light scattered in a cell that leave the clouds
  * without another collision, upwards and downwards (by reversal: the share of directions from which a cell sees sky,
- * and ground); z the mean transmittance to the sun; w the coefficient of diffusion in m.
- *
- * Deep in a cloud the coefficient is 1 / 3σ'. Within a free path or two of its edge what diffuses is less, since most of what leaves does so at once:
- * with the exact solution for a half-space without absorption (Milne's problem) it is (1 - 2P)³ of that, P the share that leaves, within a tenth from half a free path on.
- * In thin air it is bounded by how far apart clouds are.
+ * and ground); z the mean transmittance to the sun; w the share of light scattered in it that leaves altogether.
  */
 #include "cloud_grid.glsl"
 
 layout(local_size_x = 8, local_size_y = 4, local_size_z = 2) in;
 layout(rgba32f, binding = 0) uniform writeonly image3D table;
-
-const float CLOUDS_APART = 500.0; /* m */
 
 /* Mean transmittance from the points of a cell out along d: through half of it, then in steps that grow; those longer than so many cells
  * go through the next, coarser level. which: share of either extinction that cells have. */
@@ -39,16 +33,16 @@ void main()
 	int level = texel.z / CLOUD_GRID_UP;
 	vec3 q = cloud_grid_point(vec3(texel.xy, texel.z - level * CLOUD_GRID_UP) + 0.5, level);
 	vec2 sigma = texelFetch(cloud_cells_texture, texel, 0).rg * cloud_light_scale();
-	float own = sigma.r, up = 0.0, down = 0.0;
+	float own = sigma.r, out_ = 0.0;
+	vec2 from = vec2(0.0);
 	/* where nothing is, nothing leaves */
 	for (int i = 0; i < (own > 0.0 ? CLOUD_DIRECTIONS : 0); i++) {
 		vec3 d = cloud_grid_direction(i);
-		float T = cloud_grid_weight(i) * cell_transmittance(q, d, level, vec2(1.0, 0.0), own, 7, 2.2, 3.0), sky = step(0.0, d.y);
-		up += T * sky;
-		down += T * (1.0 - sky);
+		float T = cloud_grid_weight(i) * cell_transmittance(q, d, level, vec2(1.0, 0.0), own, 10, 1.7, 3.0);
+		from += T * cloud_grid_outside(d.y);
+		out_ += T;
 	}
 	vec3 to_sun = cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q);
 	float T_sun = cell_transmittance(q, to_sun, level, vec2(0.0, 1.0), sigma.g, 24, 1.15, 8.0);
-	float inner = max(1.0 - 2.0 * (up + down), 0.0), D = inner * inner * inner * own / (3.0 * (own * own + 2.0 / (CLOUDS_APART * CLOUDS_APART)));
-	imageStore(table, texel, vec4(up, down, T_sun, max(D, 0.0)));
+	imageStore(table, texel, vec4(from, T_sun, out_));
 }

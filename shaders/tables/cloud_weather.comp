@@ -28,7 +28,7 @@ void main()
 	vec3 p = vec3((vec2(texel) + 0.5) / vec2(size), 0.25);
 	float threshold = mix(1.0, -MARGIN, clouds.weather.z), n = cover_noise(p);
 	float coverage = clamp((n - threshold) / MARGIN, 0.0, 1.0);
-	float type = clamp(clouds.type + 0.12 * perlin_fbm(p, 8, 2, 0.5, clouds.cloud_seed + 500u), 0.0, 1.0);
+	float type = clamp(clouds.type + CLOUD_TYPE_SPREAD * perlin_fbm(p, 8, 2, 0.5, clouds.cloud_seed + 500u), 0.0, 1.0);
 	float rain = clouds.precipitation * smoothstep(0.3, 1.0, coverage);
 	float base = 0.5 + 0.5 * perlin_fbm(p, 10, 3, 0.5, clouds.cloud_seed + 600u);
 	imageStore(table, texel, vec4(coverage, rain, type, base));
