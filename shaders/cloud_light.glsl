@@ -16,6 +16,12 @@
 
 layout(binding = UNIT_CLOUD_LIGHT) uniform sampler3D cloud_light_texture;
 
+/* Of the table of light, which has CLOUD_GRID_LEVELS layers more than other tables of the grids; shaders/tables/cloud_light.comp. */
+vec4 cloud_light_texel(vec3 place, int level)
+{
+	return textureLod(cloud_light_texture, cloud_grid_coordinates(place, level) * vec3(1.0, 1.0, float(CLOUD_GRID_UP) / float(CLOUD_GRID_UP + 1)), 0.0);
+}
+
 struct CloudLight {
 	vec3 field;      /* scattered light from all directions: for sun, sky, ground */
 	float sun_depth; /* optical depth to the sun, of the grid */
@@ -25,10 +31,10 @@ CloudLight cloud_light_at(vec3 q)
 {
 	q = cloud_grid_home(q);
 	int level = cloud_grid_level(q, 0), next = min(level + 1, CLOUD_GRID_LEVELS - 1);
-	vec4 light = textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, level), level), 0.0);
+	vec4 light = cloud_light_texel(cloud_grid_place(q, level), level);
 	/* a loop, since a software rasteriser leaves those alone */
 	for (float blend = smoothstep(0.8, 1.0, cloud_grid_reach(q, level)); blend > 0.0; blend = 0.0)
-		light = mix(light, textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, next), next), 0.0), blend);
+		light = mix(light, cloud_light_texel(cloud_grid_place(q, next), next), blend);
 	/* transmittance, not depth, is what may be interpolated at a cloud's edge */
 	return CloudLight(light.xyz, -log(max(light.w, 1e-9)) / cloud_light_scale());
 }

@@ -13,7 +13,7 @@ vec3 cloud_below_point(vec3 q, vec3 to_sun)
 
 vec4 cloud_light_of_level(vec3 at, int level)
 {
-	return textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(at, level), level), 0.0);
+	return cloud_light_texel(cloud_grid_place(at, level), level);
 }
 
 /* Table values there, averaged over at least so coarse a level. */
@@ -102,7 +102,7 @@ vec2 cloud_high_left(vec3 q, vec3 to_sun);
 
 /* Samples of light in the air: as far apart as that, but no fewer and no more than so many. Above the layer, where all of the sun is seen, light is smooth. */
 const float AIR_STEP = 4000.0; /* m: with fewer, lines show towards the horizon */
-const float AIR_FEWEST = 6.0, AIR_MOST = 32.0, AIR_MOST_ABOVE = 4.0;
+const float AIR_FEWEST = 6.0, AIR_MOST = 32.0, AIR_MOST_ABOVE = 6.0;
 
 /* Its mean along a stretch of a ray. */
 AirLight cloud_air_light(CloudRay ray, vec2 stretch)

@@ -29,7 +29,9 @@ vec4 spread_to_ground(vec3 at, int level)
 	for (int i = 0; i < RINGS * ROUND; i++) {
 		float turn = 2.0 * PI * (float(i % ROUND) + 0.29 * float(i / ROUND)) / float(ROUND);
 		vec3 there = cloud_grid_home(at + clouds.bottom * RING[i / ROUND] * vec3(cos(turn), 0.0, sin(turn)));
-		sum += cloud_light_of_level(there, cloud_grid_level(there, least));
+		int l = cloud_grid_level(there, least);
+		float layer = float(CLOUD_GRID_UP * CLOUD_GRID_LEVELS + l) + 0.5;
+		sum += textureLod(cloud_light_texture, vec3(cloud_grid_place(there, l).xy / float(CLOUD_GRID_ACROSS), layer / float((CLOUD_GRID_UP + 1) * CLOUD_GRID_LEVELS)), 0.0);
 	}
 	return sum / float(RINGS * ROUND);
 }
@@ -63,10 +65,8 @@ void main()
 	/* of the ground's light from the sky, the air below the layer sends what the sky at the layer's top doesn't */
 	vec4 low = clamp(1.0 - down / max(multiple_ground_irradiance(mu_s), 1e-20), 0.0, 1.0);
 	vec4 sky = mix(gain, mix(gain, vec4(ground.w / max(ground.y, 0.05)), share_of_sun(0.5 * clouds.bottom, mu_s)), low);
-	/* the lowest cells have irradiance, which to an open sky is less than all of its light */
-	float open = below.y / (2.0 * PI), spread = mix(1.0 / mean, 1.0, clamp(open, 0.0, 1.0));
 	sky_fields(clouds.bottom, mu_s, from_above, from_below);
-	vec4 field_below = (sunlight_at(clouds.bottom, mu_s) * below.x + from_above * gain * open * spread + from_below * lit * below.z / (2.0 * PI)) / max(from_above + from_below, 1e-20);
+	vec4 field_below = (sunlight_at(clouds.bottom, mu_s) * below.x + (from_above * gain * below.y / mean + from_below * lit * below.z) / (2.0 * PI)) / max(from_above + from_below, 1e-20);
 	ivec3 first = ivec3(column.xy, column.z * CLOUD_AROUND_LAYERS);
 	imageStore(table, first + ivec3(0, 0, CLOUD_AROUND_LIT), lit);
 	imageStore(table, first + ivec3(0, 0, CLOUD_AROUND_GAIN), gain);

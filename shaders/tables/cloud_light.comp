@@ -39,12 +39,12 @@ vec3 arriving(vec3 q, vec3 d, int level)
 	return sum + 4.0 * PI * T * vec3(0.0, cloud_grid_outside(d.y));
 }
 
-/* What the outermost cells see of the layer: a half-space, by Gauss-Legendre in the cosine. The highest have light from all directions, for the air above. The lowest
- * have twice the irradiance of a level plane, which is the same where it comes evenly, and right for the ground. */
+/* What the outermost cells see of the layer: a half-space, by Gauss-Legendre in the cosine. level_plane: irradiance on a level plane there instead, twice, which is the same
+ * where light comes evenly. */
 const int RINGS = 3, ROUND = 4;
 const vec2 RING[RINGS] = vec2[](vec2(0.1127017, 0.2777778), vec2(0.5, 0.4444444), vec2(0.8872983, 0.2777778));
 
-vec3 layer_seen(vec3 q, float way, int level)
+vec3 layer_seen(vec3 q, float way, int level, bool level_plane)
 {
 	float rise = (clouds.top - clouds.bottom) / float(CLOUD_GRID_UP);
 	vec3 sum = vec3(0.0);
@@ -56,7 +56,7 @@ vec3 layer_seen(vec3 q, float way, int level)
 		do
 			emit(seen, T, q + d * ((float(k) + 0.5) * rise / ring.x), rise / ring.x, level);
 		while (++k < CLOUD_GRID_UP);
-		sum += ring.y / float(ROUND) * (way > 0.0 ? 2.0 * ring.x : 1.0) * (seen + 4.0 * PI * T * vec3(0.0, way > 0.0 ? cloud_sky(ring.x) : 0.0, way < 0.0 ? 1.0 : 0.0));
+		sum += ring.y / float(ROUND) * (level_plane ? 2.0 * ring.x : 1.0) * (seen + 4.0 * PI * T * vec3(0.0, way > 0.0 ? cloud_sky(ring.x) : 0.0, way < 0.0 ? 1.0 : 0.0));
 	}
 	return 0.5 * sum + 2.0 * PI * vec3(0.0, way < 0.0 ? cloud_sky_mean() : 0.0, way > 0.0 ? 1.0 : 0.0);
 }
@@ -77,6 +77,9 @@ void main()
 	ivec3 texel = ivec3(gl_GlobalInvocationID);
 	if (any(greaterThanEqual(texel, imageSize(table))))
 		return;
+	/* beyond the cells, the irradiance at the foot of each column */
+	bool foot = texel.z >= CLOUD_GRID_UP * CLOUD_GRID_LEVELS;
+	texel.z = foot ? (texel.z - CLOUD_GRID_UP * CLOUD_GRID_LEVELS) * CLOUD_GRID_UP : texel.z;
 	int level = texel.z / CLOUD_GRID_UP;
 	vec3 place = vec3(texel.xy, texel.z - level * CLOUD_GRID_UP) + 0.5, q = cloud_grid_point(place, level);
 	vec4 openness = texelFetch(cloud_openness_texture, texel, 0);
@@ -88,6 +91,6 @@ void main()
 			sum += cloud_grid_weight(i) * arriving(q, cloud_grid_direction(i), level);
 	}
 	for (int busy = way != 0.0 ? 1 : 0; busy > 0; busy--)
-		sum = layer_seen(q, way, level);
-	imageStore(table, texel, vec4(sum, openness.z));
+		sum = layer_seen(q, way, level, foot);
+	imageStore(table, ivec3(gl_GlobalInvocationID), vec4(sum, openness.z));
 }

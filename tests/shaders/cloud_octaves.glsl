@@ -16,7 +16,7 @@ CloudLight cloud_light_at(vec3 q)
 {
 	q = cloud_grid_home(q);
 	int level = cloud_grid_level(q, 0);
-	vec4 light = textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, level), level), 0.0);
+	vec4 light = textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, level), level) * vec3(1.0, 1.0, float(CLOUD_GRID_UP) / float(CLOUD_GRID_UP + 1)), 0.0);
 	return CloudLight(light.xyz, -log(max(light.w, 1e-9)) / cloud_light_scale());
 }
 
