@@ -77,7 +77,9 @@ static const char *pinhole(const struct frame *f)
 
 static const char *clouded(const struct frame *f)
 {
-	return f->plan.features & FEATURE_CLOUDS ? " CLOUDS=1" : "";
+	if (!(f->plan.features & FEATURE_CLOUDS))
+		return "";
+	return f->job.request.clouds.high_coverage > 0 ? " CLOUDS=1 HIGH=1" : " CLOUDS=1";
 }
 
 /* what: of layers of them before a pixel, its choices. */

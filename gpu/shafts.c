@@ -126,8 +126,8 @@ enum table_state shafts_need(struct frame_tables *tables, const struct scene *sc
 			1                                                                                              \
 		}                                                                                                      \
 	}
-	static const struct table_desc shafts[2][2] = { { SHAFTS("SCALED=0"), SHAFTS("SCALED=0 CLOUDS=1") },
-		{ SHAFTS("SCALED=1"), SHAFTS("SCALED=1 CLOUDS=1") } };
+	static const struct table_desc shafts[2][2] = { { SHAFTS("SCALED=0"), SHAFTS("SCALED=0 CLOUDS=1 HIGH=1") },
+		{ SHAFTS("SCALED=1"), SHAFTS("SCALED=1 CLOUDS=1 HIGH=1") } };
 	struct {
 		char mesh[36];
 		struct bending bending;

@@ -77,7 +77,11 @@ Shaded shaded_along(vec3 d, float t_end)
 		if (min(bound[k + 1], end) > bound[k])
 			stretch[n++] = vec3(bound[k], min(bound[k + 1], end), open[k]);
 	Shaded s = none;
+#ifdef HIGH
 	if (n > 0) {
+#else
+	if (clouds.weather.z > 0.0 && n > 0) {
+#endif
 		vec4 near_L, near_T, far_L, far_T;
 		aerial_perspective(d, ray.start, near_L, near_T);
 		int k = 0;

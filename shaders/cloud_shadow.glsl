@@ -114,9 +114,13 @@ AirLight cloud_air_light(CloudRay ray, vec2 stretch)
 	do {
 		vec3 q = cloud_point(ray, mix(stretch.x, stretch.y, (float(i) + 0.5) / float(n)));
 		vec3 to_sun = cloud_direction(sun, up, q);
+#ifdef HIGH
 		AirLight light = AirLight(1.0, vec4(1.0));
 		if (clouds.weather.z > 0.0)
 			light = cloud_air_at(q, to_sun, (stretch.y - stretch.x) / float(n));
+#else
+		AirLight light = cloud_air_at(q, to_sun, (stretch.y - stretch.x) / float(n));
+#endif
 		float left = cloud_high_left(q, to_sun).x;
 		sum.straight += light.straight * left;
 		sum.diffuse += light.diffuse * left;
@@ -161,17 +165,23 @@ vec2 cloud_high_shadow(vec3 q, vec3 to_sun)
 	return cloud_high_leaves(depth, mu);
 }
 
+/* HIGH, chosen when the program is built: there may be a high layer. */
+
 /* What it leaves of the sun's light, with what it diffuses downwards: x for the air at q, which scatters light from all directions alike,
  * y for a deck of clouds there, which has it by the cosine. The sheet is a shell: light of a sun at the horizon comes through it at a
  * slant. */
 vec2 cloud_high_left(vec3 q, vec3 to_sun)
 {
+#ifndef HIGH
+	return vec2(1.0);
+#else
 	float rise = clouds.high_altitude - q.y;
 	if (!high_present() || rise <= 0.0)
 		return vec2(1.0);
 	float mu = sqrt(to_sun.y * to_sun.y + 2.0 * rise / media.planet_radius), way = 2.0 * rise / max(mu + to_sun.y, 1e-3);
 	vec2 left = cloud_high_leaves(high_depth(q + to_sun * way), mu);
 	return left.x + left.y * vec2(2.0, 1.0 / mu);
+#endif
 }
 
 /* Light that clouds leave, as cloud_ground_light() has it, once the sun has come through the high layer. */
