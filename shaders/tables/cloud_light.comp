@@ -48,6 +48,7 @@ vec3 layer_seen(vec3 q, float way, int level, bool level_plane)
 {
 	float rise = (clouds.top - clouds.bottom) / float(CLOUD_GRID_UP);
 	vec3 sum = vec3(0.0);
+	q.y -= 0.5 * way * rise; /* at the layer's bound, which is what grazing rays see most of */
 	for (int i = 0; i < RINGS * ROUND; i++) {
 		vec2 ring = RING[i / ROUND];
 		float turn = 2.0 * PI * (float(i % ROUND) + 0.29 * float(i / ROUND)) / float(ROUND), sine = sqrt(1.0 - ring.x * ring.x), T = 1.0;
