@@ -12,15 +12,7 @@
  * scatterings is one path, whichever of them is taken for the sample's. All other light comes from a table of
  * diffuse light (shaders/tables/cloud_light.comp).
  */
-#include "cloud_grid.glsl"
-
-layout(binding = UNIT_CLOUD_LIGHT) uniform sampler3D cloud_light_texture;
-
-/* Of the table of light, which has CLOUD_GRID_LEVELS layers more than other tables of the grids; shaders/tables/cloud_light.comp. */
-vec4 cloud_light_texel(vec3 place, int level)
-{
-	return textureLod(cloud_light_texture, cloud_grid_coordinates(place, level) * vec3(1.0, 1.0, float(CLOUD_GRID_UP) / float(CLOUD_GRID_UP + 1)), 0.0);
-}
+#include "cloud_light_table.glsl"
 
 struct CloudLight {
 	vec3 field;      /* scattered light from all directions: for sun, sky, ground */

@@ -713,6 +713,49 @@ static void awkward_meshes(void **state)
 	}
 }
 
+/* A wall of 10 by 4 m, 0.2 m thick, from its midst, exactly on its faces and edges: of triangles that end at the
+ * camera. From the midst, all that is level is wall. */
+static void inside_a_wall(void **state)
+{
+	(void)state;
+	static const char key[] = "0123456789abcdef0123456789abcd04";
+	float corners[12][9];
+	for (int face = 0; face < 6; face++) {
+		const int axis = face / 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
+		static const float low[3] = { -5, 0, -0.1f }, high[3] = { 5, 4, 0.1f };
+		for (int k = 0; k < 6; k++) {
+			static const int corner[6][2] = { { 0, 0 }, { 1, 0 }, { 1, 1 }, { 0, 0 }, { 1, 1 }, { 0, 1 } };
+			float *to = &corners[2 * face + k / 3][3 * (face % 2 ? k % 3 : 2 - k % 3)];
+			to[axis] = face % 2 ? high[axis] : low[axis];
+			to[u] = corner[k][0] ? high[u] : low[u];
+			to[v] = corner[k][1] ? high[v] : low[v];
+		}
+	}
+	struct mesh_header *mesh = lib_terrain_triangles(corners, 12, key);
+	assert_non_null(mesh);
+	assert_true(lib_terrain_send(&renderer, mesh));
+	free(mesh);
+	static const double places[][3] = { { 0, 1.7, 0 }, { 0, 1.7, 0.1 }, { 0, 1.7, -0.1 }, { 5, 1.7, 0.1 },
+		{ 5, 4, 0.1 } };
+	static const char *const methods[] = { "sky_view", "depth_table", "reference" };
+	for (size_t i = 0; i < sizeof places / sizeof places[0]; i++)
+		for (int m = 0; m < 3; m++) {
+			struct welkin_request r = view(methods[m], places[i][0], places[i][1], places[i][2], 30, 10);
+			r.image.width = 32;
+			r.image.height = 18;
+			r.budget_ms = 50;
+			struct picture p = render(&r, key);
+			for (size_t k = 0; k < p.n; k++) {
+				assert_true(isfinite(luminance(p.rgba[k])));
+				if (m < 2)
+					assert_true(luminance(p.rgba[k]) >= -1e-3);
+				if (i == 0 && k / 32 >= 8 && k / 32 < 10)
+					assert_true(p.depth[k] < 12);
+			}
+			free(p.pixels);
+		}
+}
+
 /* The most memory that the renderer has had, in MiB. */
 static double renderer_peak_mib(void)
 {
@@ -841,6 +884,7 @@ int main(void)
 		cmocka_unit_test(fuji_agrees_with_the_reference),
 		cmocka_unit_test(awkward_views),
 		cmocka_unit_test(awkward_meshes),
+		cmocka_unit_test(inside_a_wall),
 		cmocka_unit_test(two_million_triangles),
 		cmocka_unit_test(the_plan_leaves_out_what_cannot_matter),
 		cmocka_unit_test(a_kept_drawing_is_of_the_same_view),

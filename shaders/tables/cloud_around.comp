@@ -30,8 +30,7 @@ vec4 spread_to_ground(vec3 at, int level)
 		float turn = 2.0 * PI * (float(i % ROUND) + 0.29 * float(i / ROUND)) / float(ROUND);
 		vec3 there = cloud_grid_home(at + clouds.bottom * RING[i / ROUND] * vec3(cos(turn), 0.0, sin(turn)));
 		int l = cloud_grid_level(there, least);
-		float layer = float(CLOUD_GRID_UP * CLOUD_GRID_LEVELS + l) + 0.5;
-		sum += textureLod(cloud_light_texture, vec3(cloud_grid_place(there, l).xy / float(CLOUD_GRID_ACROSS), layer / float((CLOUD_GRID_UP + 1) * CLOUD_GRID_LEVELS)), 0.0);
+		sum += cloud_light_foot(cloud_grid_place(there, l), l);
 	}
 	return sum / float(RINGS * ROUND);
 }

@@ -2,10 +2,8 @@
  * In the place of shaders/cloud_light.glsl: clouds as popular renderers light them. Sunlight by octaves.glsl, attenuated
  * by Beer's law alone on the way to the eye; sky and ground from the renderer's own table, so that they are not worse than there.
  */
-#include "cloud_grid.glsl"
+#include "cloud_light_table.glsl"
 #include "octaves.glsl"
-
-layout(binding = UNIT_CLOUD_LIGHT) uniform sampler3D cloud_light_texture;
 
 struct CloudLight {
 	vec3 field;
@@ -16,7 +14,7 @@ CloudLight cloud_light_at(vec3 q)
 {
 	q = cloud_grid_home(q);
 	int level = cloud_grid_level(q, 0);
-	vec4 light = textureLod(cloud_light_texture, cloud_grid_coordinates(cloud_grid_place(q, level), level) * vec3(1.0, 1.0, float(CLOUD_GRID_UP) / float(CLOUD_GRID_UP + 1)), 0.0);
+	vec4 light = cloud_light_texel(cloud_grid_place(q, level), level);
 	return CloudLight(light.xyz, -log(max(light.w, 1e-9)) / cloud_light_scale());
 }
 
