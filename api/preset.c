@@ -102,7 +102,7 @@ static const struct preset cloud_presets[] = {
 	[WELKIN_CLOUDS_CUMULUS] = { "Fair-weather cumulus.",
 		CLOUDS(0.4, 1, 0, 0, 1200, 2800, 0.4, 10, 48e3, 5500, 900, 0.35, 120, 0) },
 	[WELKIN_CLOUDS_TOWERING] = { "Towering cumulus.",
-		CLOUDS(0.45, 1, 0.4, 0.5, 1200, 7500, 0.8, 12, 60e3, 8000, 1300, 0.35, 200, 0) },
+		CLOUDS(0.45, 1, 0.4, 0.2, 1200, 7500, 0.8, 12, 60e3, 5000, 2500, 0.75, 200, 0) },
 	[WELKIN_CLOUDS_STRATOCUMULUS] = { "A deck of stratocumulus.",
 		CLOUDS(0.75, 0.5, 0, 0, 1000, 2200, 0.3, 9, 48e3, 5000, 900, 0.3, 100, 0) },
 	[WELKIN_CLOUDS_STRATUS] = { "Overcast stratus.",

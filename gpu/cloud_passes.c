@@ -49,6 +49,11 @@ static bool choose_lattice(struct workspace *ws, struct frame *f, const char *ch
 		{ &f->cloud_lattice.pixels, "clouds.comp", CLOUD_RAYS_PIXELS } };
 	if (!(f->job.request.clouds.savings & WELKIN_SAVE_HALF_RESOLUTION) || f->job.kind != WELKIN_JOB_IMAGE)
 		return true;
+	if (f->job.request.clouds.coverage <= 0) { /* its strands are thinner than cells, and cost a lookup */
+		planner_note(
+			&f->plan, pass, false, "half_resolution: the high layer alone is looked up at every pixel");
+		return true;
+	}
 	if (!by_fewer_rays(f)) {
 		planner_note(&f->plan, pass, false, "half_resolution: %s",
 			f->plan.features & FEATURE_SURFACES ? "pixels of a scene are marched one by one"

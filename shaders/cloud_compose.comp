@@ -276,7 +276,8 @@ Before before_side(int i, vec3 d, vec4 answer, vec4 where, float t_end)
 	b.away = where.x;
 	b.own = air_T * bands.sun_irradiance * cloud_radiance(d, answer, where.z, sunlit(d, where.z)) + (1.0 - answer.x) * air_L;
 	Shaded change = shaded_pixel(i, d, t_end);
-	b.shaded = change.open + answer.x * change.behind;
+	/* of the light before clouds, no more than there is: of the air within the layer half counts as before them, which may be far behind those around the camera */
+	b.shaded = mix(clamp(change.open, -air_L, air_L), change.open, answer.x) + answer.x * change.behind;
 	return b;
 }
 

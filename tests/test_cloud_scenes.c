@@ -261,13 +261,15 @@ static void the_plan_says_what_is_marched(void **state)
 	static const struct {
 		const char *key, *size, *says;
 		bool on_lattice;
-	} cases[] = { { "", "image.width=288&image.height=162", "every fourth pixel", true },
-		{ "", "image.width=32&image.height=18", "too small", false },
-		{ plate_key, "image.width=288&image.height=162", "pixels of a scene are marched one by one", false } };
+	} cases[] = { { "", "clouds.coverage=0.3&image.width=288&image.height=162", "every fourth pixel", true },
+		{ "", "clouds.preset=cirrus&image.width=288&image.height=162", "high layer alone", false },
+		{ "", "clouds.coverage=0.3&image.width=32&image.height=18", "too small", false },
+		{ plate_key, "clouds.coverage=0.3&image.width=288&image.height=162",
+			"pixels of a scene are marched one by one", false } };
 	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
 		const struct scene scene = { cases[i].key, 2400, WELKIN_SHADOW_OFF, WELKIN_SHAFTS_NONE };
 		struct image image = image_of(&scene,
-			COMMON "atmosphere.method=sky_view&clouds.coverage=0.3&camera.position_m=0,3400,1000&"
+			COMMON "atmosphere.method=sky_view&camera.position_m=0,3400,1000&"
 			       "camera.heading_deg=0&camera.pitch_deg=-48&sun.elevation_deg=50&%s",
 			cases[i].size);
 		assert_int_equal(image.on_lattice, cases[i].on_lattice);
