@@ -128,7 +128,7 @@ static int cells_across(int from, int pixels, int cell)
 /* Points of a tile's lattice along an axis; cloud_lattice.glsl. */
 static int lattice_across(int from, int pixels)
 {
-	return cells_across(from, pixels, CLOUD_LATTICE_CELL) * (CLOUD_LATTICE_CELL / 2) + 1;
+	return (cells_across(from, pixels, CLOUD_LATTICE_CELL) + 1) * (CLOUD_LATTICE_CELL / 2) + 1;
 }
 
 /* Cells of shade along an axis; cloud_lattice.glsl. */
@@ -173,8 +173,8 @@ bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error 
 /* Points of a tile's lattice, at most; cloud_lattice.glsl. Twice as many as either list of pixel_list.glsl holds. */
 static size_t lattice_points(int pixels)
 {
-	/* a tile is a rectangle of at least 4 rows and columns but at the image's edges: w/2 + 3 by h/2 + 3 at most */
-	return (size_t)pixels * 4 + 16;
+	/* a tile is a rectangle: w/2 + 5 by h/2 + 5 at most */
+	return (size_t)pixels * 6 + 128;
 }
 
 bool clouds_reserve(struct workspace *ws, const struct frame *f, int pixels, struct error *err)

@@ -47,9 +47,9 @@ void main()
 		return;
 	ivec2 pixel = RAYS == CLOUD_RAYS_LATTICE ? lattice_pixel(tile, own) : tile.xy + own;
 	ivec2 low = (pixel - lattice_origin(tile)) / (2 * spacing) * spacing, high = min(low + spacing, size - 1);
-	/* a point on a line between two needs no more than those */
+	/* points on a line between two belong to the cell beyond as well: what is thinner than a cell and crosses the line would have gaps there */
 	ivec2 from = lattice_pixel(tile, low), to = lattice_pixel(tile, high);
-	high = mix(high, low, equal(pixel, from));
+	high = all(equal(pixel, from)) ? low : high;
 	vec2 x = clamp(vec2(pixel - from) / vec2(max(to - from, 1)), 0.0, 1.0);
 	Corner a = corner(low, size.x), b = corner(ivec2(high.x, low.y), size.x), c = corner(ivec2(low.x, high.y), size.x), d = corner(high, size.x);
 	if (!agree(a, b, c, d)) {

@@ -2,7 +2,7 @@
  * Marching fewer rays than pixels (SAVE_HALF_RESOLUTION). Every fourth pixel along both axes is marched, then those in between
  * on a lattice of every second, then all, each time only where the four around do not agree; elsewhere they are interpolated. All
  * of it goes by a pixel's place in the image, so an image does not depend on how it was cut into tiles: each tile has its
- * lattice to itself, one cell more than it covers.
+ * lattice to itself, two cells more than it covers.
  */
 #include "camera.glsl"
 
@@ -82,7 +82,7 @@ ivec2 lattice_origin(ivec4 tile)
 ivec2 lattice_size(ivec4 tile)
 {
 	ivec2 cells = (tile.xy + tile.zw - 1) / CLOUD_LATTICE_CELL - tile.xy / CLOUD_LATTICE_CELL + 1;
-	return cells * (CLOUD_LATTICE_CELL / 2) + 1;
+	return (cells + 1) * (CLOUD_LATTICE_CELL / 2) + 1; /* a cell more: those on its lines look into it */
 }
 
 ivec2 lattice_pixel(ivec4 tile, ivec2 point)
