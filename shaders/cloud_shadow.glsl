@@ -16,28 +16,28 @@ vec4 cloud_light_of_level(vec3 at, int level)
 	return cloud_light_texel(cloud_grid_place(at, level), level);
 }
 
-/* Table values there, averaged over at least so coarse a level. */
-vec4 cloud_below_light(vec3 q, vec3 to_sun, int least)
+/* Table values there. */
+vec4 cloud_below_light(vec3 q, vec3 to_sun)
 {
 	vec3 at = cloud_below_point(q, to_sun);
-	return cloud_light_of_level(at, cloud_grid_level(at, least));
+	return cloud_light_of_level(at, cloud_grid_level(at, 0));
 }
 
 /* Transmittance there, without an edge between levels, which surfaces would show. */
-float cloud_below_sharp(vec3 q, vec3 to_sun, int least)
+float cloud_below_sharp(vec3 q, vec3 to_sun)
 {
 	vec3 at = cloud_below_point(q, to_sun);
-	int level = cloud_grid_level(at, least);
+	int level = cloud_grid_level(at, 0);
 	float blend = smoothstep(0.8, 1.0, cloud_grid_reach(at, level));
 	return mix(cloud_light_of_level(at, level).w, cloud_light_of_level(at, min(level + 1, CLOUD_GRID_LEVELS - 1)).w, blend);
 }
 
 /* Levels of the grids whose cells are half as wide, about, as light is spread that has come from clouds so far off: x and y, of which y has
  * share z. */
-vec3 cloud_wide_levels(vec3 at, int least, float off)
+vec3 cloud_wide_levels(vec3 at, float off)
 {
 	float level = clamp(log2(max(off, 1.0) / clouds.grid[0].z) / log2(CLOUD_GRID_GROWTH) - 0.5, 0.0, float(CLOUD_GRID_LEVELS - 1));
-	int fine = cloud_grid_level(at, max(int(level), least));
+	int fine = cloud_grid_level(at, int(level));
 	return vec3(fine, min(fine + 1, CLOUD_GRID_LEVELS - 1), clamp(level - float(fine), 0.0, 1.0));
 }
 
@@ -65,7 +65,7 @@ vec4 cloud_ground_light(vec3 q, vec3 to_sun)
 	int level = cloud_grid_level(at, 0), next = min(level + 1, CLOUD_GRID_LEVELS - 1);
 	float blend = smoothstep(0.8, 1.0, cloud_grid_reach(at, level));
 	vec4 wide = mix(cloud_around_of_level(at, level, float(CLOUD_AROUND_GROUND)), cloud_around_of_level(at, next, float(CLOUD_AROUND_GROUND)), blend);
-	return vec4(cloud_below_sharp(q, to_sun, 0), wide.xyz);
+	return vec4(cloud_below_sharp(q, to_sun), wide.xyz);
 }
 
 /* On the mean over wide surroundings. */
@@ -91,9 +91,9 @@ struct AirLight {
 AirLight cloud_air_at(vec3 q, vec3 to_sun, float apart)
 {
 	float off = max(q.y - clouds.top, clouds.bottom - q.y);
-	vec3 at = cloud_grid_home(q), levels = cloud_wide_levels(at, 0, off > 0.0 ? off : apart);
+	vec3 at = cloud_grid_home(q), levels = cloud_wide_levels(at, off > 0.0 ? off : apart);
 	int fine = int(levels.x), wide = int(levels.y);
-	float straight = q.y < clouds.bottom ? cloud_below_light(q, to_sun, 0).w : q.y < clouds.top ? cloud_light_of_level(at, wide).w : 1.0;
+	float straight = q.y < clouds.bottom ? cloud_below_light(q, to_sun).w : q.y < clouds.top ? cloud_light_of_level(at, wide).w : 1.0;
 	float layer = mix(float(CLOUD_AROUND_BELOW), float(CLOUD_AROUND_ABOVE), clamp((q.y - clouds.bottom) / (clouds.top - clouds.bottom), 0.0, 1.0));
 	return AirLight(straight, mix(cloud_around_of_level(at, fine, layer), cloud_around_of_level(at, wide, layer), levels.z));
 }
@@ -102,14 +102,14 @@ vec2 cloud_high_left(vec3 q, vec3 to_sun);
 
 /* Samples of light in the air: as far apart as that, but no fewer and no more than so many. Above the layer, where all of the sun is seen, light is smooth. */
 const float AIR_STEP = 4000.0; /* m: with fewer, lines show towards the horizon */
-const float AIR_FEWEST = 6.0, AIR_MOST = 32.0, AIR_MOST_ABOVE = 6.0;
+const float AIR_FEWEST = 6.0, AIR_MOST = 32.0;
 
 /* Its mean along a stretch of a ray. */
 AirLight cloud_air_light(CloudRay ray, vec2 stretch)
 {
 	vec3 up = frame.vertical.xyz, sun = frame.sun_direction.xyz;
 	bool above = min(cloud_point(ray, stretch.x).y, cloud_point(ray, stretch.y).y) > clouds.top - 1.0;
-	int n = int(clamp(ceil((stretch.y - stretch.x) / AIR_STEP), AIR_FEWEST, above ? AIR_MOST_ABOVE : AIR_MOST)), i = 0;
+	int n = int(clamp(ceil((stretch.y - stretch.x) / AIR_STEP), AIR_FEWEST, above ? AIR_FEWEST : AIR_MOST)), i = 0;
 	AirLight sum = AirLight(0.0, vec4(0.0));
 	do {
 		vec3 q = cloud_point(ray, mix(stretch.x, stretch.y, (float(i) + 0.5) / float(n)));
@@ -131,7 +131,7 @@ AirLight cloud_air_light(CloudRay ray, vec2 stretch)
 /* Share of the sun's light at q, at any height, that comes straight or nearly so. */
 float cloud_sun_share(vec3 q, vec3 to_sun)
 {
-	return q.y < clouds.top ? cloud_below_light(q, to_sun, 0).w : 1.0;
+	return q.y < clouds.top ? cloud_below_light(q, to_sun).w : 1.0;
 }
 
 /* cloud_ground_light() at any height. With cloud below it as well, light comes from there too: half of what there is, on a

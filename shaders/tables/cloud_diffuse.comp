@@ -98,9 +98,10 @@ void relax_column(ivec3 foot, vec3 side, bool alone)
 	for (int h = CLOUD_GRID_UP - 1; h >= 0; h--) {
 		ivec3 texel = foot + ivec3(0, 0, h);
 		field = line[h].rgb + line[h].w * field;
-		vec3 before = alone ? vec3(0.0) : texelFetch(cloud_diffuse_texture, texel, 0).rgb;
-		vec3 after = alone ? field : before + relaxation() * (field - before);
-		imageStore(table, texel, vec4(after, diffusion(extinction_of(texel).r, texelFetch(cloud_openness_texture, texel, 0).w, texelFetch(cloud_openness_texture, texel, 0).z)));
+		vec4 cell = texelFetch(cloud_openness_texture, texel, 0);
+		vec4 before = alone ? vec4(0.0, 0.0, 0.0, diffusion(extinction_of(texel).r, cell.w, cell.z)) : texelFetch(cloud_diffuse_texture, texel, 0);
+		vec3 after = alone ? field : before.rgb + relaxation() * (field - before.rgb);
+		imageStore(table, texel, vec4(after, before.w));
 	}
 }
 
