@@ -1,5 +1,7 @@
 #include "gpu/cloud_light.h"
 
+#include "gpu/clouds.h"
+
 #include <epoxy/gl.h>
 #include <math.h>
 #include <string.h>
@@ -33,11 +35,28 @@ struct light_key {
 	struct CloudsBlock clouds;
 	vec4 sun, vertical;
 	float planet_radius;
+	struct cast_shadow cast; /* 0: nothing throws any */
 };
 
-static void light_key(struct light_key *key, const struct scene *scene)
+void cast_shadow_prepare(struct cast_shadow *cast, struct scene *scene, const struct welkin_request *request,
+	const struct surfaces *surfaces)
+{
+	double camera_m[2];
+	memset(cast, 0, sizeof *cast);
+	shadow_key(&cast->map, surfaces, &scene->surfaces);
+	cast->placing = placing_of(request);
+	clouds_held(&scene->clouds, request, cast->origin_m, camera_m);
+	scene->surfaces.clouds_east = (float)camera_m[0];
+	scene->surfaces.clouds_south = (float)camera_m[1];
+	scene->cast = cast;
+}
+
+/* shaded: for what knows the scene's shadow. */
+static void light_key(struct light_key *key, const struct scene *scene, bool shaded)
 {
 	memset(key, 0, sizeof *key);
+	if (shaded && scene->cast)
+		key->cast = *scene->cast;
 	key->clouds = scene->clouds;
 	memset(key->clouds.origin, 0, sizeof key->clouds.origin);
 	key->clouds.lighting = key->clouds.steps = key->clouds.light_steps = key->clouds.savings = 0;
@@ -49,40 +68,52 @@ static void light_key(struct light_key *key, const struct scene *scene)
 #define CLOUD_GRID_SIZE                                                                                                \
 	.width = CLOUD_GRID_ACROSS, .height = CLOUD_GRID_ACROSS, .depth = CLOUD_GRID_UP * CLOUD_GRID_LEVELS
 
+/* What the tables without a scene and those under one share, then those that differ; of those `lit` is for a scene
+ * alone. */
+#define DIFFUSE                                                                                                        \
+	.name = "cloud_diffuse", .unit = UNIT_CLOUD_DIFFUSE, .internal_format = GL_RGBA32F, CLOUD_GRID_SIZE,           \
+	.iterations = CLOUD_DIFFUSE_RUNS, .feedback = 1,                                                               \
+	.threads = { CLOUD_GRID_ACROSS, CLOUD_GRID_ACROSS, CLOUD_GRID_LEVELS }
+#define SUN                                                                                                            \
+	.name = "cloud_sun", .unit = UNIT_CLOUD_SUN, .internal_format = GL_R32F, .width = CLOUD_SUN_ACROSS,            \
+	.height = CLOUD_SUN_ACROSS, .depth = CLOUD_SUN_UP * CLOUD_GRID_LEVELS,                                         \
+	.threads = { CLOUD_SUN_ACROSS, CLOUD_SUN_ACROSS, CLOUD_GRID_LEVELS }
+#define UNDER_A_SCENE .choices = "SURFACES=1"
+
+static const struct table_desc cells = {
+	.name = "cloud_cells", .unit = UNIT_CLOUD_CELLS, .internal_format = GL_RG32F, CLOUD_GRID_SIZE
+};
+static const struct table_desc openness = {
+	.name = "cloud_openness", .unit = UNIT_CLOUD_OPENNESS, .internal_format = GL_RGBA32F, CLOUD_GRID_SIZE
+};
+static const struct table_desc lit = {
+	.name = "cloud_lit", .unit = UNIT_CLOUD_LIT, .internal_format = GL_R32F, CLOUD_GRID_SIZE
+};
+static const struct table_desc diffuse = { DIFFUSE }, diffuse_shaded = { DIFFUSE, UNDER_A_SCENE };
+static const struct table_desc light = { .name = "cloud_light",
+	.unit = UNIT_CLOUD_LIGHT,
+	.internal_format = GL_RGBA32F,
+	.width = CLOUD_GRID_ACROSS,
+	.height = CLOUD_GRID_ACROSS,
+	.depth = (CLOUD_GRID_UP + 1) * CLOUD_GRID_LEVELS };
+static const struct table_desc sun = { SUN }, sun_shaded = { SUN, UNDER_A_SCENE };
+
 enum table_state need_cloud_light(struct frame_tables *tables, const struct scene *scene, struct error *err)
 {
-	static const struct table_desc stages[] = {
-		{ .name = "cloud_cells", .unit = UNIT_CLOUD_CELLS, .internal_format = GL_RG32F, CLOUD_GRID_SIZE },
-		{ .name = "cloud_openness",
-			.unit = UNIT_CLOUD_OPENNESS,
-			.internal_format = GL_RGBA32F,
-			CLOUD_GRID_SIZE },
-		{ .name = "cloud_diffuse",
-			.unit = UNIT_CLOUD_DIFFUSE,
-			.internal_format = GL_RGBA32F,
-			CLOUD_GRID_SIZE,
-			.iterations = CLOUD_DIFFUSE_RUNS,
-			.feedback = 1,
-			.threads = { CLOUD_GRID_ACROSS, CLOUD_GRID_ACROSS, CLOUD_GRID_LEVELS } },
-		{ .name = "cloud_light",
-			.unit = UNIT_CLOUD_LIGHT,
-			.internal_format = GL_RGBA32F,
-			.width = CLOUD_GRID_ACROSS,
-			.height = CLOUD_GRID_ACROSS,
-			.depth = (CLOUD_GRID_UP + 1) * CLOUD_GRID_LEVELS },
-		{ .name = "cloud_sun",
-			.unit = UNIT_CLOUD_SUN,
-			.internal_format = GL_R32F,
-			.width = CLOUD_SUN_ACROSS,
-			.height = CLOUD_SUN_ACROSS,
-			.depth = CLOUD_SUN_UP * CLOUD_GRID_LEVELS,
-			.threads = { CLOUD_SUN_ACROSS, CLOUD_SUN_ACROSS, CLOUD_GRID_LEVELS } },
-	};
-	struct light_key key;
-	light_key(&key, scene);
+	static const struct table_desc *const open_stages[] = { &cells, &openness, &diffuse, &light, &sun };
+	static const struct table_desc *const shaded_stages[] = { &cells, &openness, &lit, &diffuse_shaded, &light,
+		&sun_shaded };
+	const struct table_desc *const *stages = scene->cast ? shaded_stages : open_stages;
+	const size_t n = scene->cast ? sizeof shaded_stages / sizeof shaded_stages[0]
+				     : sizeof open_stages / sizeof open_stages[0];
+	struct light_key open, shaded;
+	light_key(&open, scene, false);
+	light_key(&shaded, scene, true);
 	enum table_state state = TABLE_READY;
-	for (size_t i = 0; i < sizeof stages / sizeof stages[0] && state == TABLE_READY; i++)
-		state = tables_need(tables, &stages[i], &key, sizeof key, 0, err);
+	for (size_t i = 0; i < n && state == TABLE_READY; i++) {
+		const bool alike = stages[i] == &cells || stages[i] == &openness;
+		state = tables_need(tables, stages[i], alike ? &open : &shaded, sizeof open, 0, err);
+	}
 	return state;
 }
 
@@ -104,7 +135,7 @@ enum table_state need_cloud_around(struct frame_tables *tables, const struct sce
 		int features;
 	} key;
 	memset(&key, 0, sizeof key);
-	light_key(&key.light, scene);
+	light_key(&key.light, scene, true);
 	key.media = scene->media;
 	key.bands = scene->batches[batch];
 	key.features = scene->frame.features & FEATURE_SKY_ON_GROUND;

@@ -80,13 +80,34 @@ static const float sky_edge = 0.706f;
 /* Steps in which shapes rise, of the layer's height: a tenth of a cell of the grids. */
 static const double rise_part = 0.1 / CLOUD_GRID_UP;
 
+/* How far the air has moved, east and south in m. */
+static void wind_moved(const struct welkin_clouds *c, double out[2])
+{
+	const double heading = c->wind_heading_deg * (M_PI / 180), moved = c->wind_speed_m_s * c->time_s;
+	out[0] = moved * sin(heading);
+	out[1] = -moved * cos(heading);
+}
+
+void clouds_held(
+	const struct CloudsBlock *block, const struct welkin_request *request, double origin_m[2], double camera_m[2])
+{
+	const double side = cloud_grid_side(block, request->camera.altitude_m), step = side / 8;
+	double at[2], moved[2];
+	footprint(request, at);
+	wind_moved(&request->clouds, moved);
+	for (int i = 0; i < 2; i++) {
+		origin_m[i] = side * floor((at[i] - moved[i]) / side) + step * floor(moved[i] / step + 0.5);
+		camera_m[i] = at[i] - origin_m[i];
+	}
+}
+
 static void set_offsets(struct CloudsBlock *block, const struct welkin_request *request)
 {
 	const struct welkin_clouds *c = &request->clouds;
-	double at[2];
+	double at[2], moved[2];
 	footprint(request, at);
-	const double heading = c->wind_heading_deg * (M_PI / 180), moved = c->wind_speed_m_s * c->time_s;
-	const double air[2] = { at[0] - moved * sin(heading), at[1] + moved * cos(heading) };
+	wind_moved(c, moved);
+	const double air[2] = { at[0] - moved[0], at[1] - moved[1] };
 	const double risen = c->evolution_m_s * c->time_s;
 	const double side = cloud_grid_side(block, request->camera.altitude_m),
 		     step = ((double)block->top - (double)block->bottom) * rise_part;
@@ -116,6 +137,7 @@ static void set_offsets(struct CloudsBlock *block, const struct welkin_request *
 	block->curl[2] = (float)c->curl_strength_m;
 	block->high[2] = (float)c->high_coverage;
 	cloud_grid_place(block, (double[2]){ east, south }, request->camera.altitude_m);
+	const double heading = c->wind_heading_deg * (M_PI / 180);
 	block->shear_east = (float)(c->shear_m * sin(heading));
 	block->shear_south = (float)(-c->shear_m * cos(heading));
 }

@@ -14,6 +14,11 @@ void clouds_prepare(struct scene *scene, const struct welkin_request *request);
 /* Gives them what the request wants of that mesh, which outlives the scene: weather map, noise volumes. */
 void clouds_paint(struct scene *scene, const struct welkin_clouds *wanted, const struct mesh_header *mesh);
 
+/* Where the origin of cloud space is over the ground, east and south of the world's in m, held still while the wind
+ * moves clouds by an eighth of a cell; and where the camera is from there. */
+void clouds_held(
+	const struct CloudsBlock *block, const struct welkin_request *request, double origin_m[2], double camera_m[2]);
+
 /* Would clouds be in the frame at all? */
 bool clouds_present(const struct welkin_clouds *clouds);
 

@@ -14,6 +14,7 @@ struct scene {
 	struct MediaBlock media;
 	struct CloudsBlock clouds;
 	const struct mesh_header *painted; /* whose files clouds.painted_parts are from; NULL: all is procedural */
+	const struct cast_shadow *cast;    /* what shades clouds; cloud_light.h; NULL: nothing does */
 	int n_bands;                       /* real wavelengths; the last batch is padded with copies */
 	int n_batches;
 	struct BandsBlock batches[SCENE_MAX_BATCHES];

@@ -135,6 +135,8 @@ bool scenery_start(struct workspace *ws, struct frame *f, struct error *err)
 	struct surfaces_window window;
 	const bool one = whole_window(f, &window);
 	shadow_prepare(&f->scene.surfaces, &f->job.request, s->surfaces, one ? &window : NULL);
+	if (f->plan.features & FEATURE_CLOUDS && f->plan.features & FEATURE_SHADOWS)
+		cast_shadow_prepare(&s->cast_shadow, &f->scene, &f->job.request, s->surfaces);
 	if (draws(f)) {
 		s->draw = programs_get(ws->programs, "surfaces.vert", "", err);
 		s->list_drawn = programs_get(ws->programs, "surfaces_list.comp", "DRAWN=1", err);

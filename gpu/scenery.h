@@ -2,6 +2,7 @@
 #define WELKIN_GPU_SCENERY_H
 
 #include "api/error.h"
+#include "gpu/cloud_light.h"
 #include "gpu/method.h"
 #include "gpu/program.h"
 #include "gpu/surfaces.h"
@@ -13,7 +14,8 @@ struct frame;
 struct workspace;
 
 struct scenery {
-	bool there;                                /* the frame has a scene that can matter */
+	bool there; /* the frame has a scene that can matter */
+	struct cast_shadow cast_shadow;
 	struct surfaces *surfaces;                 /* good for the slice in hand */
 	const struct program *layer, *light_layer; /* NULL where light passes through nothing */
 	const struct program *light_ridges;        /* NULL where ridges are not antialiased */

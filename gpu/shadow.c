@@ -285,15 +285,7 @@ static bool make_moments(struct passes *passes, struct programs *programs, const
 	return true;
 }
 
-/* What the map depends on: rows that are seen from the camera would change with it. */
-struct key {
-	char mesh[33];
-	struct bending bending;
-	float sun[3], rows[3 * SHADOW_CASCADES][4];
-	int filter, size, cascades;
-};
-
-static void make_key(struct key *key, const struct surfaces *s, const struct SurfacesBlock *block)
+void shadow_key(struct shadow_key *key, const struct surfaces *s, const struct SurfacesBlock *block)
 {
 	memset(key, 0, sizeof *key);
 	memcpy(key->mesh, s->key, sizeof key->mesh);
@@ -302,16 +294,16 @@ static void make_key(struct key *key, const struct surfaces *s, const struct Sur
 	key->filter = block->shadow_filter;
 	key->size = block->shadow_size;
 	key->cascades = block->shadow_cascades;
+	for (int c = 0; block->shadow_region != WELKIN_REGION_STATIC && c < block->shadow_cascades; c++)
+		map_rows(block, c, key->rows + 3 * c);
 }
 
 bool shadow_need(struct frame_tables *tables, struct passes *passes, struct programs *programs, struct surfaces *s,
 	const struct SurfacesBlock *block, struct error *err)
 {
 	static const char kind;
-	struct key key;
-	make_key(&key, s, block);
-	for (int c = 0; block->shadow_region != WELKIN_REGION_STATIC && c < block->shadow_cascades; c++)
-		map_rows(block, c, key.rows + 3 * c);
+	struct shadow_key key;
+	shadow_key(&key, s, block);
 	struct shadow_map *map = tables_kept(tables, &kind, &key, sizeof key);
 	if (!map) {
 		const bool moments = block->shadow_filter == SHADOW_VARIANCE;

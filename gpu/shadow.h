@@ -12,6 +12,15 @@
  *   cascaded: the same in SHADOW_CASCADES spheres about the camera, each a few times as wide as the last
  */
 
+/* What the map depends on: rows that are seen from the camera would change with it. */
+struct shadow_key {
+	char mesh[33];
+	struct bending bending;
+	float sun[3], rows[3 * SHADOW_CASCADES][4];
+	int filter, size, cascades;
+};
+void shadow_key(struct shadow_key *key, const struct surfaces *surfaces, const struct SurfacesBlock *block);
+
 /* Fills in the block's shadow_* members, and frame->features is expected to have FEATURE_SHADOWS then. window: what the
  * view sees; NULL: all around. */
 void shadow_prepare(struct SurfacesBlock *block, const struct welkin_request *request, const struct surfaces *surfaces,

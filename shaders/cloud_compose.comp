@@ -9,9 +9,6 @@
 #include "cloud_sight.glsl"
 #include "colour.glsl"
 #include "surface_distance.glsl"
-#ifdef SURFACES
-#include "shadow.glsl"
-#endif
 #ifndef SHADE
 #define SHADE SHADE_HERE
 #endif
@@ -222,8 +219,8 @@ Shaded shaded_pixel(int i, vec3 d, float t_end)
 #endif
 }
 
-/* Radiance of the clouds at the place where the ray sees them, per sun irradiance of 1. lit: share of the sun that they see there. */
-vec4 cloud_radiance(vec3 d, vec4 answer, float t, float lit)
+/* Radiance of the clouds at the place where the ray sees them, per sun irradiance of 1. */
+vec4 cloud_radiance(vec3 d, vec4 answer, float t)
 {
 	vec3 up = frame.vertical.xyz, sun = frame.sun_direction.xyz;
 	float R = media.planet_radius, h = frame.camera_altitude;
@@ -236,18 +233,8 @@ vec4 cloud_radiance(vec3 d, vec4 answer, float t, float lit)
 	back *= cloud_around(q, CLOUD_AROUND_LIT);
 	/* the high layer shades those below, not itself */
 	float below = clamp((clouds.high_altitude - q.y) / max(clouds.high_altitude - clouds.top, 1.0), 0.0, 1.0);
-	lit *= mix(1.0, cloud_high_left(q, cloud_direction(sun, up, q)).y, below);
+	float lit = mix(1.0, cloud_high_left(q, cloud_direction(sun, up, q)).y, below);
 	return sunlight_at(at, mu_s) * (lit * answer.y) + (down * answer.z + back * answer.w) / PI;
-}
-
-/* Share of the sun that a scene leaves to clouds at distance t. */
-float sunlit(vec3 d, float t)
-{
-#ifdef SURFACES
-	if ((frame.features & FEATURE_SHADOWS) != 0)
-		return shadow_of_air(d * t);
-#endif
-	return 1.0;
 }
 
 /* What the clouds before a side of a pixel do: T of what is behind comes through, and they add their own light and that of the
@@ -274,7 +261,7 @@ Before before_side(int i, vec3 d, vec4 answer, vec4 where, float t_end)
 	Before b;
 	b.T = answer.x;
 	b.away = where.x;
-	b.own = air_T * bands.sun_irradiance * cloud_radiance(d, answer, where.z, sunlit(d, where.z)) + (1.0 - answer.x) * air_L;
+	b.own = air_T * bands.sun_irradiance * cloud_radiance(d, answer, where.z) + (1.0 - answer.x) * air_L;
 	Shaded change = shaded_pixel(i, d, t_end);
 	/* of the light before clouds, no more than there is: of the air within the layer half counts as before them, which may be far behind those around the camera */
 	b.shaded = mix(clamp(change.open, -air_L, air_L), change.open, answer.x) + answer.x * change.behind;

@@ -76,12 +76,13 @@ vec3 cloud_light_source(CloudLight light, float sun_depth, float view_depth, flo
 	return diffuse;
 }
 
-/* What the forward lobe brings from behind the clouds, blurred by it. d: the ray's direction in cloud space. */
-vec3 cloud_light_behind(float T, float S, vec3 d)
+/* What the forward lobe brings from behind the clouds, blurred by it. d: the ray's direction in cloud space. A surface there is taken to be as
+ * bright as the ground. */
+vec3 cloud_light_behind(float T, float S, vec3 d, bool surface)
 {
 	float depth = -log(max(T, 1e-20)), f = cloud_straight_share();
 	float blur = 1.0 - pow(max(clouds.forward_g, 1e-6), 1.0 + 0.5 * f * depth);
-	float sky = 0.5 + 0.5 * d.y * inversesqrt(d.y * d.y + 0.3 * blur + 1e-9);
+	float sky = surface ? 0.0 : 0.5 + 0.5 * d.y * inversesqrt(d.y * d.y + 0.3 * blur + 1e-9);
 	float mu = 0.5 * (abs(d.y) + sqrt(d.y * d.y + 0.3 * blur));
 	return max(S - T, 0.0) * vec3(0.0, sky * cloud_sky(mu), 1.0 - sky);
 }

@@ -5,6 +5,10 @@
 #include "cloud_high.glsl"
 #include "cloud_light.glsl"
 #include "cloud_sun.glsl"
+#include "surface_distance.glsl"
+#ifdef SURFACES
+#include "cloud_scene.glsl"
+#endif
 
 /* Chosen when the program is built, where the renderer does so. */
 #ifndef LIGHTING
@@ -69,13 +73,23 @@ vec3 artistic_source(vec3 q, float sun_depth, float nu)
 	return clouds.albedo * vec3(2.0 * beer * powder * phase, vec2(0.35 + 0.65 * height, 0.3 * (1.0 - height)) * 0.5);
 }
 
+/* What the scene's shadow at q is worth in optical depth. */
+float scene_depth(vec3 q)
+{
+#ifdef SURFACES
+	if ((frame.features & FEATURE_SHADOWS) != 0)
+		return -log(max(cloud_in_sun(q), 1e-9)) / cloud_light_scale();
+#endif
+	return 0.0;
+}
+
 const float SUN_REACH = 6.0; /* cells of the table: it blurs what is nearer */
 
 /* Optical depth towards the sun; sigma: extinction at q. What is near by Radau's three points, the first of which is q. */
 float sun_depth_at(vec3 q, vec3 to_sun, float sigma)
 {
 	if (!saves(SAVE_LIGHT_VOLUME))
-		return cloud_sun_depth(q, to_sun);
+		return cloud_sun_depth(q, to_sun) + scene_depth(q);
 	float reach = SUN_REACH * cloud_sun_crossing(to_sun, q);
 	float second = cloud_extinction(q + to_sun * (0.3550510 * reach), 1), third = cloud_extinction(q + to_sun * (0.8449490 * reach), 1);
 	return reach * (sigma / 9.0 + 0.5124858 * second + 0.3764031 * third) + cloud_sun_depth_there(q + to_sun * reach);
@@ -279,17 +293,18 @@ void march_high(inout March m, CloudRay ray, float t, vec3 d, vec3 up)
 	vec3 view = cloud_direction(d, up, q);
 	float depth = high_depth(q), slant = depth / max(abs(view.y), HIGH_LEAST_MU), sun_slant = depth / max(abs(to_sun.y), HIGH_LEAST_MU);
 	/* either side of the sheet sees the sun through half of it on the mean, and half a sky and half a ground */
-	CloudLight open = CloudLight(2.0 * PI * vec3(0.0, cloud_sky_mean(), 1.0), 0.5 * sun_slant);
+	CloudLight open = CloudLight(2.0 * PI * vec3(0.0, cloud_sky_mean(), 1.0), 0.5 * sun_slant + scene_depth(q));
 	float nu = dot(d, frame.sun_direction.xyz);
 	march_add(m, t, slant, cloud_light_source(open, open.sun_depth, -log(max(m.T, 1e-20)), nu));
 }
 
-/* Clouds along a ray from the camera up to distance t_end; pixel is the angle that it stands for, in rad. */
+/* Clouds along a ray from the camera up to distance t_end, of a surface or NO_SURFACE; pixel is the angle that it stands for, in rad. */
 Clouds clouds_along(vec3 d, float t_end, float jitter, float pixel)
 {
 	vec3 up = frame.vertical.xyz;
 	March m = March(1.0, 1.0, vec3(0.0), 0.0, 0.0, 0.0, 0.0);
 	CloudRay ray = cloud_ray(d, up, frame.camera_altitude);
+	bool surface = t_end < NO_SURFACE;
 	if (ray.start >= 0.0) {
 		float ground = ray_ground_distance(ray.h, ray.mu);
 		t_end = min(t_end, ground >= 0.0 ? ray.start + ground : t_end);
@@ -312,6 +327,6 @@ Clouds clouds_along(vec3 d, float t_end, float jitter, float pixel)
 	}
 	float weight = max(m.weight, 1e-20), t = m.t / weight;
 	if (LIGHTING == CLOUDS_PHYSICAL && ray.start >= 0.0)
-		m.answer += cloud_light_behind(m.T, m.S, cloud_direction(d, up, cloud_point(ray, t)));
+		m.answer += cloud_light_behind(m.T, m.S, cloud_direction(d, up, cloud_point(ray, t)), surface);
 	return Clouds(vec4(m.T, m.answer), vec4(t, sqrt(max(m.t2 / weight - t * t, 0.0)), m.answer.x > 0.0 ? m.sun_t / m.answer.x : t, 0.0));
 }

@@ -7,7 +7,6 @@
 #include "cloud_march.glsl"
 #include "cloud_history.glsl"
 #include "pixel_list.glsl"
-#include "surface_distance.glsl"
 
 /* Which rays: those of a buffer, one per pixel of the tile; the corners of the lattice's cells; those that cloud_fill.comp or
  * cloud_reproject.comp listed, of the lattice or of the tile; or one of each block, and then the tile is one of blocks. */

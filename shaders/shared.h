@@ -127,6 +127,7 @@ typedef unsigned int uint;
 
 #define UNIT_RASTER_DEPTH 40  /* of the samples of UNIT_RASTER: near over distance */
 #define UNIT_CLOUD_SUN 34     /* optical depth of clouds to the sun; cloud_sun.glsl */
+#define UNIT_CLOUD_LIT 44     /* share of the sun that a scene leaves to the cells of the grids */
 #define UNIT_CLOUD_AROUND 41  /* what clouds do to the light around them; cloud_shadow.glsl */
 
 /* Where profiles of types end, of the layer's height, for stratus and stratocumulus (cumulus: 1); by how much the map's types differ from the one asked for;
@@ -429,7 +430,8 @@ WELKIN_BLOCK(SurfacesBlock, BIND_SURFACES_BLOCK)
 	vec4 shaft_range;      /* chord of the angle from the sun, from and to; angle of the plane about shaft_phi, from and to, rad */
 	vec4 shaft_reach;      /* m from the camera, from and to: where the mesh can throw shadows */
 	int see_through_root;  /* node of the hierarchy above the triangles that light passes through; 0: there are none */
-	int reserved1, reserved2, reserved3;
+	float clouds_east, clouds_south; /* m: the camera's footprint from the origin of cloud space, as the scene's shadow on clouds has it; gpu/clouds.c */
+	int reserved1;
 WELKIN_BLOCK_END(surfaces)
 
 /* The sky of method fitted for a batch; gpu/fitted.h. */

@@ -59,8 +59,8 @@ static const struct member surfaces_members[] = { A(SurfacesBlock, axis), M(Surf
 	M(SurfacesBlock, shading), M(SurfacesBlock, shadow_filter), M(SurfacesBlock, shadow_cascades),
 	M(SurfacesBlock, shadow_size), M(SurfacesBlock, shadow_depth), M(SurfacesBlock, shaft_steps),
 	M(SurfacesBlock, shadow_region), M(SurfacesBlock, shaft_phi), M(SurfacesBlock, shaft_range),
-	M(SurfacesBlock, shaft_reach), M(SurfacesBlock, see_through_root), M(SurfacesBlock, reserved1),
-	M(SurfacesBlock, reserved2), M(SurfacesBlock, reserved3), { 0 } };
+	M(SurfacesBlock, shaft_reach), M(SurfacesBlock, see_through_root), M(SurfacesBlock, clouds_east),
+	M(SurfacesBlock, clouds_south), M(SurfacesBlock, reserved1), { 0 } };
 
 static GLint resource(GLuint program, GLenum interface, const char *name, GLenum property)
 {

@@ -18,6 +18,9 @@ layout(rgba32f, binding = 0) uniform writeonly image3D table;
 layout(binding = UNIT_CLOUD_OPENNESS) uniform sampler3D cloud_openness_texture;
 layout(binding = UNIT_CLOUD_DIFFUSE) uniform sampler3D cloud_diffuse_texture;
 layout(location = LOCATION_ITERATION) uniform int iteration;
+#ifdef SURFACES /* chosen when the program is built: a scene shades clouds */
+layout(binding = UNIT_CLOUD_LIT) uniform sampler3D cloud_lit_texture;
+#endif
 
 /*
  * The coefficient of diffusion in m: 1 / 3σ' deep in a cloud. Within a free path or two of its edge what diffuses is less, since most of what leaves does so at
@@ -60,6 +63,16 @@ vec2 extinction_of(ivec3 texel)
 	return texelFetch(cloud_cells_texture, texel, 0).rg * cloud_light_scale();
 }
 
+/* Share of the sun that the scene leaves. */
+float lit(ivec3 texel)
+{
+#ifdef SURFACES
+	return texelFetch(cloud_lit_texture, texel, 0).r;
+#else
+	return 1.0;
+#endif
+}
+
 void empty_column(ivec3 foot)
 {
 	for (int h = 0; h < CLOUD_GRID_UP; h++)
@@ -84,7 +97,7 @@ void relax_column(ivec3 foot, vec3 side, bool alone)
 		vec4 sum = vec4(0.0);
 		for (int i = alone ? 4 : 0; i < 4; i++)
 			sum += exchange(texel, ivec2(i == 0 ? 1 : i == 1 ? -1 : 0, i == 2 ? 1 : i == 3 ? -1 : 0), D, side.x);
-		vec3 source = sigma.grr * vec3(albedo * openness.z * (1.0 - P), 4.0 * PI * openness.xy);
+		vec3 source = sigma.grr * vec3(albedo * lit(texel) * openness.z * (1.0 - P), 4.0 * PI * openness.xy);
 		float loss = sigma.r * max(1.0 - albedo * (1.0 - P), 1e-6);
 		float pivot = max(sum.w + above + loss + below * (1.0 - under.w), 1e-12);
 		under = vec4((sum.rgb + source + below * under.rgb) / pivot, above / pivot);
@@ -111,7 +124,7 @@ void last_run(ivec3 foot)
 	for (int h = 0; h < CLOUD_GRID_UP; h++) {
 		ivec3 texel = foot + ivec3(0, 0, h);
 		vec2 sigma = extinction_of(texel);
-		float T_sun = texelFetch(cloud_openness_texture, texel, 0).z;
+		float T_sun = lit(texel) * texelFetch(cloud_openness_texture, texel, 0).z;
 		vec3 field = max(texelFetch(cloud_diffuse_texture, texel, 0).rgb, 0.0);
 		imageStore(table, texel, vec4((sigma.r * field + vec3(sigma.g * T_sun, 0.0, 0.0)) * cloud_light_albedo(), sigma.r));
 	}

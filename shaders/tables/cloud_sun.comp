@@ -1,9 +1,13 @@
 /*
  * Transmittance of clouds to the sun in the scaled medium, down each column of cloud_sun.glsl. Where columns would lean too
- * much, that of the cells of the light's grids, as the table cloud_openness has it.
+ * much, that of the cells of the light's grids, as the table cloud_openness has it. SURFACES, chosen when the program is built: times
+ * the share of the sun that the scene leaves.
  */
 #define CLOUD_RISEN 0.0
 #include "cloud_sun.glsl"
+#ifdef SURFACES
+#include "cloud_scene.glsl"
+#endif
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(r32f, binding = 0) uniform writeonly image3D table;
@@ -43,6 +47,9 @@ void main()
 		float y = clouds.bottom + (float(k) + 0.5) * rise;
 		vec2 level = middle - cloud_sun_lean(to_sun, y);
 		float T = mix(of_cells(vec3(level.x, y, level.y)), exp(-cloud_light_scale() * depth), share);
+#ifdef SURFACES
+		T *= cloud_in_sun(vec3(level.x, y, level.y));
+#endif
 		imageStore(table, ivec3(column.xy, column.z * CLOUD_SUN_UP + k), vec4(T));
 	}
 }

@@ -34,7 +34,7 @@ vec3 cloud_light_source(CloudLight light, float sun_depth, float view_depth, flo
 	return vec3(octaves(sun_depth, nu), ambient.yz);
 }
 
-vec3 cloud_light_behind(float T, float S, vec3 d)
+vec3 cloud_light_behind(float T, float S, vec3 d, bool surface)
 {
 	return vec3(0.0);
 }

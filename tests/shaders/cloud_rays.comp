@@ -45,6 +45,6 @@ void main()
 	}
 	float T = exp(-depth);
 	if (MODEL != 2)
-		sum += cloud_light_behind(T, exp(-k * depth), d);
+		sum += cloud_light_behind(T, exp(-k * depth), d, false);
 	answer[i] = vec4(sum, T);
 }
