@@ -36,7 +36,8 @@ layout(std430, binding = BIND_CLOUD_LAYER) buffer CloudLayer { vec4 cloud_layer[
 layout(std430, binding = BIND_RADIANCE) buffer Radiance { vec4 radiance[]; };
 
 /* What the clouds take from the light of the air and from the ground's along a ray, negative where they shade: in front of
- * the clouds on it, and behind them. */
+ * the clouds on it, and behind them. Where the camera is within the layer, clouds may be anywhere in it: `open` is then of all the air up to where the
+ * ray leaves it, or is at its lowest. */
 struct Shaded {
 	vec4 open, behind;
 };
@@ -54,6 +55,12 @@ vec4 air_light(CloudRay ray, vec2 stretch, vec3 d)
 	return share * light.straight + (1.0 - share) * light.diffuse;
 }
 
+/* Is the camera within the layer? */
+bool camera_within()
+{
+	return frame.camera_altitude > clouds.bottom && frame.camera_altitude < clouds.top;
+}
+
 Shaded shaded_along(vec3 d, float t_end)
 {
 	Shaded none = Shaded(vec4(0.0), vec4(0.0));
@@ -67,7 +74,8 @@ Shaded shaded_along(vec3 d, float t_end)
 	under = through ? under : vec2(0.5 * (top.x + top.y));
 	/* above, within, below, within and above the layer, where they are not empty: from where to where, and what share of each is before the clouds */
 	float bound[6] = float[](ray.start, top.x, under.x, under.y, top.y, end);
-	float open[5] = float[](1.0, 0.5, under.x <= ray.start ? 1.0 : 0.0, under.x <= ray.start || !through ? 0.5 : 0.0, 0.0);
+	bool below = under.x <= ray.start;
+	float open[5] = float[](1.0, camera_within() ? 1.0 : 0.5, below ? 1.0 : 0.0, camera_within() ? 0.0 : below || !through ? 0.5 : 0.0, 0.0);
 	vec3 stretch[5];
 	int n = 0;
 	for (int k = 0; k < 5; k++)
@@ -219,6 +227,14 @@ Shaded shaded_pixel(int i, vec3 d, float t_end)
 #endif
 }
 
+/* From a camera within the layer to where the ray leaves it, or is at its lowest. */
+float way_in_layer(vec3 d)
+{
+	CloudRay ray = cloud_ray(d, frame.vertical.xyz, frame.camera_altitude);
+	vec2 top = cloud_below(ray, clouds.top), under = cloud_below(ray, clouds.bottom);
+	return under.y > under.x ? under.x : 0.5 * (top.x + top.y);
+}
+
 /* Radiance of the clouds at the place where the ray sees them, per sun irradiance of 1. */
 vec4 cloud_radiance(vec3 d, vec4 answer, float t)
 {
@@ -263,8 +279,13 @@ Before before_side(int i, vec3 d, vec4 answer, vec4 where, float t_end)
 	b.away = where.x;
 	b.own = air_T * bands.sun_irradiance * cloud_radiance(d, answer, where.z) + (1.0 - answer.x) * air_L;
 	Shaded change = shaded_pixel(i, d, t_end);
-	/* of the light before clouds, no more than there is: of the air within the layer half counts as before them, which may be far behind those around the camera */
-	b.shaded = mix(clamp(change.open, -air_L, air_L), change.open, answer.x) + answer.x * change.behind;
+	vec4 before = change.open;
+	for (int busy = camera_within() ? 1 : 0; busy > 0; busy--) /* as much of it as there is air before the clouds */ {
+		aerial_perspective(d, way_in_layer(d), L, T);
+		before *= clamp(air_L / max(L, 1e-30), 0.0, 1.0);
+	}
+	/* no more than there is: of the air within a layer seen from outside half counts as before them */
+	b.shaded = (1.0 - answer.x) * clamp(before, -air_L, air_L) + answer.x * (change.open + change.behind);
 	return b;
 }
 
