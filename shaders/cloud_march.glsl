@@ -183,6 +183,7 @@ const float NEAR = 0.03;      /* steps per distance that are fine enough at any 
 const float FEWEST = 24.0;    /* steps through the layer, however little of it a pixel resolves */
 const float SEEN = 1.5;       /* steps per width of a pixel at their distance */
 const float HIDDEN = 0.8;     /* optical depth of a step at the edge of a cloud; it grows with the depth behind the edge */
+const float ENTRY = 2.0;      /* of the first step into a cloud, where that is densest, and of what is left out before it */
 
 struct Sample {
 	float t, span; /* the step's middle */
@@ -211,10 +212,17 @@ float coarse_step(Stretch s, float t)
 	return max(min(SEEN * s.pixel * t, whole / FEWEST), max(least, FINEST));
 }
 
-/* Of the next step, from what was found in one. */
-float next_step(March m, float sigma, float coarse)
+/* However far a cloud is, its light is that of its edge. */
+float entry_step(float coarse)
 {
-	return sigma > 0.0 ? clamp(HIDDEN * (1.0 - 0.6 * log(max(m.T, 1e-8))) / sigma, 0.3 * coarse, 2.0 * coarse) : 1.5 * coarse;
+	return min(coarse, ENTRY / clouds.extinction);
+}
+
+/* Of the next step, from what was found in one of length span: no more than twice as long, since edges are thinner than what follows. */
+float next_step(March m, float sigma, float coarse, float span)
+{
+	float longest = min(2.0 * coarse, 2.0 * span);
+	return sigma > 0.0 ? clamp(HIDDEN * (1.0 - 0.6 * log(max(m.T, 1e-8))) / sigma, entry_step(0.3 * coarse), longest) : min(1.5 * coarse, longest);
 }
 
 /* Goes on to where there may be a cloud: in large strides, the larger where the weather has none, and back to where it begins;
@@ -226,10 +234,10 @@ Sample next_cloud(Stretch s, inout float t, float length_, inout int left)
 	for (;;) {
 		Sample p = sample_at(s, t, length_);
 		bool over = p.t >= s.end;
-		if ((p.shape > 0.0 && gap <= 2.0 * coarse) || (over && gap <= coarse) || left <= 0)
+		if ((p.shape > 0.0 && gap <= entry_step(2.0 * coarse)) || (over && gap <= coarse) || left <= 0)
 			return p;
 		left--;
-		length_ = coarse;
+		length_ = entry_step(coarse);
 		float stride = cloud_may_be(p.q, p.weather) ? max(min(CARVED, 0.1 * whole), 2.0 * coarse) : max(min(SMALLEST, 0.1 * whole), 3.0 * coarse);
 		if (p.shape > 0.0 || over) {
 			found = t;
@@ -259,7 +267,7 @@ void march_adaptive(inout March m, Stretch s)
 			source = cloud_source(m, p.q, sun_depth, s.nu);
 			march_add(m, p.t, sigma * within, source);
 			t += p.span;
-			step_ = next_step(m, sigma, coarse_step(s, t));
+			step_ = next_step(m, sigma, coarse_step(s, t), p.span);
 			if (saves(SAVE_SHARED_LIGHT) && i == 0) {
 				p = sample_at(s, t, step_);
 				sigma = cloud_extinction_of(p.q, p.weather, p.shape);
