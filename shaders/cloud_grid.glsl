@@ -136,14 +136,22 @@ float cloud_sky_mean()
 	return 1.0 + clouds.sky_edge * (log(1.0 / SKY_EDGE + 1.0) - SKY_EDGE_MEAN);
 }
 
-/* What surrounds clouds in the directions that one of the grid stands for: x, the sky's radiance; y, the ground's, which is 1. Those are wider
- * than the rise of most, so that two opposite ones that are nearly level see about the same. */
-const float DIRECTION_WIDTH = 0.3; /* in the cosine to the vertical, to either side */
+/*
+ * Rays in the directions of the grid. Those stand for directions up to DIRECTION_WIDTH away in the cosine to the vertical: more than the rise of four of them,
+ * so that two opposite ones see about the same. Such a one is two rays, one to the sky, one to the ground, since what is above a cloud's level foot is
+ * no sky.
+ */
+const int CLOUD_RAYS = CLOUD_DIRECTIONS + 4;
+const float DIRECTION_WIDTH = 0.3;
 
-vec2 cloud_grid_outside(float mu)
+/* weight: its share of all directions; outside: radiance of sky and ground in its direction, the ground's is 1. */
+vec3 cloud_grid_ray(int i, out float weight, out vec2 outside)
 {
-	float low = clamp(mu - DIRECTION_WIDTH, 0.0, 1.0), high = clamp(mu + DIRECTION_WIDTH, 0.0, 1.0);
-	float whole = min(mu + DIRECTION_WIDTH, 1.0) - max(mu - DIRECTION_WIDTH, -1.0), sky = high - low;
-	float edge = clouds.sky_edge * (log((high + SKY_EDGE) / (low + SKY_EDGE)) - SKY_EDGE_MEAN * sky);
-	return vec2(sky + edge, whole - sky) / whole;
+	int of = i < CLOUD_DIRECTIONS ? i : i < CLOUD_DIRECTIONS + 2 ? i - CLOUD_DIRECTIONS : i - CLOUD_DIRECTIONS + 2;
+	vec3 d = cloud_grid_direction(of);
+	float low = max(abs(d.y) - DIRECTION_WIDTH, -1.0), high = min(abs(d.y) + DIRECTION_WIDTH, 1.0), near = max(-low, 0.0) / (high - low);
+	weight = cloud_grid_weight(of) * (i < CLOUD_DIRECTIONS ? 1.0 - near : near);
+	d.y *= i < CLOUD_DIRECTIONS ? 1.0 : -1.0;
+	outside = d.y > 0.0 ? vec2(cloud_sky(d.y), 0.0) : vec2(0.0, 1.0);
+	return d;
 }

@@ -26,7 +26,7 @@ void emit(inout vec3 sum, inout float T, vec3 q, float length_, int level)
 	T *= through;
 }
 
-vec3 arriving(vec3 q, vec3 d, int level)
+vec3 arriving(vec3 q, vec3 d, vec2 outside, int level)
 {
 	float crossing = cloud_grid_crossing(d, level), step_ = 0.5 * crossing, t = 0.0, T = 1.0, way_out = cloud_grid_way_out(q, d);
 	vec3 sum = vec3(0.0);
@@ -36,17 +36,25 @@ vec3 arriving(vec3 q, vec3 d, int level)
 		t += step_;
 		step_ *= i == 0 ? 2.0 : 2.2;
 	}
-	return sum + 4.0 * PI * T * vec3(0.0, cloud_grid_outside(d.y));
+	return sum + 4.0 * PI * T * vec3(0.0, outside);
 }
 
 /* What the outermost cells see of the layer: a half-space, by Gauss-Legendre in the cosine. level_plane: irradiance on a level plane there instead, twice, which is the same
- * where light comes evenly. */
+ * where light comes evenly. An open sky counts as bright as it is. */
 const int RINGS = 3, ROUND = 4;
 const vec2 RING[RINGS] = vec2[](vec2(0.1127017, 0.2777778), vec2(0.5, 0.4444444), vec2(0.8872983, 0.2777778));
 
+float ring_weight(vec2 ring, bool level_plane)
+{
+	return level_plane ? 2.0 * ring.x * ring.y : ring.y;
+}
+
 vec3 layer_seen(vec3 q, float way, int level, bool level_plane)
 {
-	float rise = (clouds.top - clouds.bottom) / float(CLOUD_GRID_UP);
+	float rise = (clouds.top - clouds.bottom) / float(CLOUD_GRID_UP), open = 0.0;
+	for (int i = 0; i < RINGS; i++)
+		open += ring_weight(RING[i], level_plane) * cloud_sky(RING[i].x);
+	float sky = way > 0.0 ? (level_plane ? 1.0 : cloud_sky_mean()) / open : 0.0;
 	vec3 sum = vec3(0.0);
 	q.y -= 0.5 * way * rise; /* at the layer's bound, which is what grazing rays see most of */
 	for (int i = 0; i < RINGS * ROUND; i++) {
@@ -57,7 +65,7 @@ vec3 layer_seen(vec3 q, float way, int level, bool level_plane)
 		do
 			emit(seen, T, q + d * ((float(k) + 0.5) * rise / ring.x), rise / ring.x, level);
 		while (++k < CLOUD_GRID_UP);
-		sum += ring.y / float(ROUND) * (level_plane ? 2.0 * ring.x : 1.0) * (seen + 4.0 * PI * T * vec3(0.0, way > 0.0 ? cloud_sky(ring.x) : 0.0, way < 0.0 ? 1.0 : 0.0));
+		sum += ring_weight(ring, level_plane) / float(ROUND) * (seen + 4.0 * PI * T * vec3(0.0, sky * cloud_sky(ring.x), way < 0.0 ? 1.0 : 0.0));
 	}
 	return 0.5 * sum + 2.0 * PI * vec3(0.0, way < 0.0 ? cloud_sky_mean() : 0.0, way > 0.0 ? 1.0 : 0.0);
 }
@@ -88,8 +96,12 @@ void main()
 	float way = place.z < 1.0 ? 1.0 : place.z > float(CLOUD_GRID_UP) - 1.0 ? -1.0 : 0.0;
 	for (int busy = way == 0.0 && reads_cloud(place, level) ? 1 : 0; busy > 0; busy--) {
 		sum = vec3(0.0);
-		for (int i = 0; i < CLOUD_DIRECTIONS; i++)
-			sum += cloud_grid_weight(i) * arriving(q, cloud_grid_direction(i), level);
+		for (int i = 0; i < CLOUD_RAYS; i++) {
+			float weight;
+			vec2 outside;
+			vec3 d = cloud_grid_ray(i, weight, outside);
+			sum += weight * arriving(q, d, outside, level);
+		}
 	}
 	for (int busy = way != 0.0 ? 1 : 0; busy > 0; busy--)
 		sum = layer_seen(q, way, level, foot);

@@ -36,10 +36,12 @@ void main()
 	float own = sigma.r, out_ = 0.0;
 	vec2 from = vec2(0.0);
 	/* where nothing is, nothing leaves */
-	for (int i = 0; i < (own > 0.0 ? CLOUD_DIRECTIONS : 0); i++) {
-		vec3 d = cloud_grid_direction(i);
-		float T = cloud_grid_weight(i) * cell_transmittance(q, d, level, vec2(1.0, 0.0), own, 10, 1.7, 3.0);
-		from += T * cloud_grid_outside(d.y);
+	for (int i = 0; i < (own > 0.0 ? CLOUD_RAYS : 0); i++) {
+		float weight;
+		vec2 outside;
+		vec3 d = cloud_grid_ray(i, weight, outside);
+		float T = weight * cell_transmittance(q, d, level, vec2(1.0, 0.0), own, 10, 1.7, 3.0);
+		from += T * outside;
 		out_ += T;
 	}
 	vec3 to_sun = cloud_direction(frame.sun_direction.xyz, frame.vertical.xyz, q);
