@@ -71,6 +71,8 @@ static double shape_at(enum cloud_shape shape, const double q[3])
 		return exp(-0.5 * r * r / (250 * 250)) * 1000 / (250 * sqrt(2 * M_PI));
 	case CLOUD_DECK:
 		return fabs(c[1]) < 500 ? 1 : fabs(c[1]) == 500 ? 0.5 : 0;
+	case CLOUD_HALF_DECK:
+		return q[0] < 0 ? shape_at(CLOUD_DECK, q) : q[0] > 0 ? 0 : 0.5 * shape_at(CLOUD_DECK, q);
 	default:
 		return cumulus(q);
 	}
@@ -78,14 +80,14 @@ static double shape_at(enum cloud_shape shape, const double q[3])
 
 struct cloud_field cloud_field_create(enum cloud_shape shape, double tau)
 {
-	static const char *names[CLOUD_SHAPES] = { "sphere", "cube", "blob", "cumulus", "deck" };
+	static const char *names[CLOUD_SHAPES] = { "sphere", "cube", "blob", "cumulus", "deck", "half a deck" };
 	struct cloud_field f = {
 		.name = names[shape], .n = { 129, 65, 129 }, .origin = { -1600, 1000, -1600 }, .cell = 25
 	};
 	f.extinction = calloc((size_t)f.n[0] * (size_t)f.n[1] * (size_t)f.n[2], sizeof *f.extinction);
 	if (!f.extinction)
 		return f;
-	f.endless = shape == CLOUD_DECK;
+	f.endless = shape == CLOUD_DECK || shape == CLOUD_HALF_DECK;
 	const int side = f.endless ? 0 : 1; /* nodes left empty around the others */
 	for (int k = side; k < f.n[2] - side; k++)
 		for (int j = 1; j < f.n[1] - 1; j++)
@@ -112,8 +114,9 @@ double cloud_field_extinction(const void *context, const double q[3])
 	size_t at = 0, stride[3] = { 1, (size_t)f->n[0], (size_t)f->n[0] * (size_t)f->n[1] };
 	double w[3];
 	for (int i = 0; i < 3; i++) {
-		const double x = f->endless && i != 1 ? 0 : q[i];
-		const double p = (x - f->origin[i]) / f->cell;
+		double p = (q[i] - f->origin[i]) / f->cell;
+		if (f->endless && i != 1)
+			p = fmin(fmax(p, 0), f->n[i] - 1.5);
 		if (!(p >= 0 && p < f->n[i] - 1))
 			return 0;
 		w[i] = p - (int)p;

@@ -3,6 +3,7 @@
 #include "api/api.h"
 #include "gpu/cloud_light.h"
 #include "gpu/clouds.h"
+#include "gpu/sky_tables.h"
 #include "tests/lib_gpu.h"
 #include "tests/lib_request.h"
 
@@ -29,10 +30,13 @@ static char *read_text(const char *path)
 	return text;
 }
 
-/* Programs in which the density is the field's. */
+/* Programs in which the density is the field's; they last. */
 static struct programs *field_programs(void)
 {
-	struct programs *programs = programs_create("");
+	static struct programs *programs;
+	if (programs)
+		return programs;
+	programs = programs_create("");
 	assert_non_null(programs);
 	assert_true(programs_add_file(programs, "cloud_density.glsl", "tests/shaders/cloud_density.glsl",
 		read_text("tests/shaders/cloud_density.glsl")));
@@ -40,6 +44,8 @@ static struct programs *field_programs(void)
 		programs, "octaves.glsl", "tests/shaders/octaves.glsl", read_text("tests/shaders/octaves.glsl")));
 	assert_true(programs_add_file(programs, "cloud_rays.comp", "tests/shaders/cloud_rays.comp",
 		read_text("tests/shaders/cloud_rays.comp")));
+	assert_true(programs_add_file(programs, "around_probe.comp", "tests/shaders/around_probe.comp",
+		read_text("tests/shaders/around_probe.comp")));
 	return programs;
 }
 
@@ -55,17 +61,19 @@ static unsigned field_texture(const struct cloud_field *field)
 	return texture;
 }
 
-static void field_scene(struct scene *scene, const struct cloud_field *field, const struct cloud_phase *phase,
-	double albedo, double sun_elevation_deg)
+/* The renderer's scene, but for the clouds; its sun is put into the plane of x. */
+static void field_scene(struct scene *scene, const struct cloud_field *field, const struct cloud_setting *setting)
 {
-	const struct welkin_request request = request_of(WELKIN_EARTH, 0, sun_elevation_deg);
-	scene_prepare(scene, &request, NULL, 0);
-	const double elevation = sun_elevation_deg * (M_PI / 180);
+	scene_prepare(scene, &setting->request, NULL, 0);
+	const double elevation = setting->request.sun.elevation_deg * (M_PI / 180);
 	scene->frame.sun_direction[0] = (float)cos(elevation);
 	scene->frame.sun_direction[1] = (float)sin(elevation);
 	scene->frame.sun_direction[2] = 0;
+	scene->frame.features |= FEATURE_SKY_ON_GROUND;
 	struct CloudsBlock *c = &scene->clouds;
+	const float sky_edge = setting->even_sky ? 0 : c->sky_edge;
 	memset(c, 0, sizeof *c);
+	c->sky_edge = sky_edge;
 	c->east[0] = c->south[2] = scene->frame.vertical[1] = 1;
 	scene->frame.vertical[0] = scene->frame.vertical[2] = 0;
 	for (int i = 0; i < 3; i++)
@@ -76,14 +84,14 @@ static void field_scene(struct scene *scene, const struct cloud_field *field, co
 	c->top = (float)(field->origin[1] + field->cell * (field->n[1] - 1));
 	c->thickness = c->top - c->bottom;
 	c->weather[3] = 1.0f / 40000; /* no weather, but the grids hold one period of it */
-	c->albedo = (float)albedo;
-	c->forward_g = (float)phase->forward;
-	c->backward_g = (float)phase->backward;
-	c->backward_share = (float)(1 - phase->share);
+	c->albedo = (float)setting->albedo;
+	c->forward_g = (float)setting->phase.forward;
+	c->backward_g = (float)setting->phase.backward;
+	c->backward_share = (float)(1 - setting->phase.share);
 	cloud_grid_place(c, (double[2]){ 37, -11 }, 0);
 }
 
-static double build_tables(struct frame_tables *tables, const struct scene *scene)
+static double build_tables(struct frame_tables *tables, const struct scene *scene, bool around)
 {
 	struct error err = { "" };
 	struct pass_log log = { 0 };
@@ -91,6 +99,10 @@ static double build_tables(struct frame_tables *tables, const struct scene *scen
 	do {
 		tables_begin_slice(tables, 0);
 		state = need_cloud_light(tables, scene, &err);
+		if (state == TABLE_READY && around)
+			state = need_multiple(tables, scene, 0, &err);
+		if (state == TABLE_READY && around)
+			state = need_cloud_around(tables, scene, 0, &err);
 		if (state == TABLE_FAILED || !passes_finish(lib_gpu.passes, &log, &err))
 			fail_msg("%s", err.text);
 	} while (state == TABLE_BUILDING);
@@ -103,7 +115,41 @@ static double build_tables(struct frame_tables *tables, const struct scene *scen
 	return ms;
 }
 
-static double march(struct programs *programs, enum light_model model, const struct cloud_ray *rays, int n,
+struct cloud_bench *cloud_bench_open(const struct cloud_field *field, const struct cloud_setting *setting, bool around)
+{
+	struct cloud_bench *bench = calloc(1, sizeof *bench);
+	assert_non_null(bench);
+	bench->programs = field_programs();
+	bench->tables = tables_create(lib_gpu.passes, bench->programs, 256);
+	assert_non_null(bench->tables);
+	bench->texture = field_texture(field);
+	field_scene(&bench->scene, field, setting);
+	passes_blocks(lib_gpu.passes, &bench->scene);
+	passes_texture(lib_gpu.passes, UNIT_CLOUD_BASE, bench->texture);
+	bench->tables_ms = build_tables(bench->tables, &bench->scene, around);
+	return bench;
+}
+
+void cloud_bench_close(struct cloud_bench *bench)
+{
+	tables_destroy(bench->tables);
+	glDeleteTextures(1, &bench->texture);
+	free(bench);
+}
+
+static double run(const struct cloud_bench *bench, struct pass *pass, const char *program, const char *choice)
+{
+	struct error err = { "" };
+	struct pass_log log = { 0 };
+	if (!(pass->program = programs_get(bench->programs, program, choice, &err)))
+		fail_msg("%s", err.text);
+	passes_run(lib_gpu.passes, pass);
+	if (!passes_finish(lib_gpu.passes, &log, &err))
+		fail_msg("%s", err.text);
+	return log.times[0].ms;
+}
+
+double cloud_bench_march(const struct cloud_bench *bench, enum light_model model, const struct cloud_ray *rays, int n,
 	float (*answers)[CLOUD_RESPONSES])
 {
 	struct buffer in = lib_gpu_buffer((size_t)n * 8 * sizeof(float)),
@@ -116,40 +162,38 @@ static double march(struct programs *programs, enum light_model model, const str
 		}
 	char choice[16];
 	snprintf(choice, sizeof choice, "MODEL=%d", model);
-	struct error err = { "" };
 	struct pass pass = { .name = "rays", .tile = { n, 0, 0, 0 }, .threads = { n, 1, 1 } };
-	if (!(pass.program = programs_get(programs, "cloud_rays.comp", choice, &err)))
-		fail_msg("%s", err.text);
 	pass.storage[BIND_DIRECTIONS] = in.id;
 	pass.storage[BIND_CLOUD_LIGHT] = out.id;
-	struct pass_log log = { 0 };
-	passes_run(lib_gpu.passes, &pass);
-	if (!passes_finish(lib_gpu.passes, &log, &err))
-		fail_msg("%s", err.text);
+	const double ms = run(bench, &pass, "cloud_rays.comp", choice);
 	memcpy(answers, out.data, (size_t)n * sizeof *answers);
 	lib_gpu_free(&in);
 	lib_gpu_free(&out);
-	return log.times[0].ms;
+	return ms;
+}
+
+void cloud_bench_probe(const struct cloud_bench *bench, float (*places)[4], int n, float (*found)[4][4])
+{
+	struct buffer in = lib_gpu_buffer((size_t)n * sizeof *places), out = lib_gpu_buffer((size_t)n * sizeof *found);
+	memcpy(in.data, places, (size_t)n * sizeof *places);
+	struct pass pass = { .name = "probe", .tile = { n, 0, 0, 0 }, .threads = { n, 1, 1 } };
+	pass.storage[BIND_DIRECTIONS] = in.id;
+	pass.storage[BIND_RADIANCE] = out.id;
+	run(bench, &pass, "around_probe.comp", "");
+	memcpy(found, out.data, (size_t)n * sizeof *found);
+	lib_gpu_free(&in);
+	lib_gpu_free(&out);
 }
 
 struct cloud_lighting cloud_light_render(const struct cloud_field *field, const struct cloud_phase *phase,
 	double albedo, double sun_elevation_deg, enum light_model model, const struct cloud_ray *rays, int n,
 	float (*answers)[CLOUD_RESPONSES])
 {
-	static struct scene scene;
-	struct cloud_lighting result;
-	struct programs *programs = field_programs();
-	struct frame_tables *tables = tables_create(lib_gpu.passes, programs, 256);
-	assert_non_null(tables);
-	const unsigned texture = field_texture(field);
-	field_scene(&scene, field, phase, albedo, sun_elevation_deg);
-	passes_blocks(lib_gpu.passes, &scene);
-	passes_texture(lib_gpu.passes, UNIT_CLOUD_BASE, texture);
-	result.tables_ms = build_tables(tables, &scene);
-	result.answers_ms = march(programs, model, rays, n, answers);
-	tables_destroy(tables);
-	programs_destroy(programs);
-	glDeleteTextures(1, &texture);
+	const struct cloud_setting setting = { request_of(WELKIN_EARTH, 0, sun_elevation_deg), *phase, albedo, true };
+	struct cloud_bench *bench = cloud_bench_open(field, &setting, false);
+	const struct cloud_lighting result = { .tables_ms = bench->tables_ms,
+		.answers_ms = cloud_bench_march(bench, model, rays, n, answers) };
+	cloud_bench_close(bench);
 	return result;
 }
 
@@ -209,11 +253,9 @@ void cloud_light_product_field(struct cloud_field *field, double coverage, doubl
 
 /* ---- fluxes ---- */
 
-enum { FLUX_MU = 24, FLUX_PHI = 24, FLUX_RAYS = FLUX_MU * FLUX_PHI };
+enum { FLUX_MU = 24, FLUX_PHI = CLOUD_FLUX_RAYS / FLUX_MU, FLUX_RAYS = FLUX_MU * FLUX_PHI };
 
-/* Rays down onto a deck, then up; half a turn of azimuths, of which the other half is the mirror image. weights: of
- * radiance in a flux. */
-static void flux_rays(struct cloud_ray rays[2 * FLUX_RAYS], double weights[FLUX_RAYS])
+void cloud_flux_rays(struct cloud_ray rays[2 * CLOUD_FLUX_RAYS], double weights[CLOUD_FLUX_RAYS])
 {
 	gsl_integration_glfixed_table *rule = gsl_integration_glfixed_table_alloc(FLUX_MU);
 	for (int i = 0; i < FLUX_RAYS; i++) {
@@ -234,7 +276,7 @@ struct cloud_fluxes cloud_light_fluxes(double tau, const struct cloud_phase *pha
 	double weights[FLUX_RAYS];
 	struct cloud_field deck = cloud_field_create(CLOUD_DECK, tau);
 	assert_non_null(deck.extinction);
-	flux_rays(rays, weights);
+	cloud_flux_rays(rays, weights);
 	cloud_light_render(&deck, phase, 1, asin(mu0) * (180 / M_PI), LIGHT_MODEL, rays, 2 * FLUX_RAYS, answers);
 	cloud_field_destroy(&deck);
 	struct cloud_fluxes fluxes = { 0, 0, exp(-tau / mu0) };

@@ -1,6 +1,8 @@
 #ifndef WELKIN_TESTS_LIB_CLOUD_LIGHT_H
 #define WELKIN_TESTS_LIB_CLOUD_LIGHT_H
 
+#include "api/request.h"
+#include "gpu/tables.h"
 #include "tests/lib_cloud_fields.h"
 
 #include <stdbool.h>
@@ -10,7 +12,35 @@
  * tests/shaders/cloud_density.glsl in place of the renderer's density, and rays are marched by
  * tests/shaders/cloud_rays.comp. lib_gpu_open() comes first.
  */
+struct cloud_setting {
+	struct welkin_request
+		request; /* of which air, ground, and the sun's elevation count; it stands in the direction of +x */
+	struct cloud_phase phase;
+	double albedo;
+	bool even_sky; /* in place of the renderer's, which is brighter at its horizon */
+};
+
+/* Tables of light, left bound for what is then run. around: those of the sky and of the light around clouds too, for
+ * the first batch of the scene. */
+struct cloud_bench {
+	struct scene scene;
+	struct programs *programs; /* all benches' */
+	struct frame_tables *tables;
+	unsigned texture;
+	double tables_ms; /* device time */
+};
+struct cloud_bench *cloud_bench_open(const struct cloud_field *field, const struct cloud_setting *setting, bool around);
+void cloud_bench_close(struct cloud_bench *bench);
+
 enum light_model { LIGHT_MODEL, LIGHT_MODEL_TABLE_SUN, LIGHT_OCTAVES, LIGHT_MODELS };
+
+/* answers: as cloud_light_render() has them; device time. */
+double cloud_bench_march(const struct cloud_bench *bench, enum light_model model, const struct cloud_ray *rays, int n,
+	float (*answers)[CLOUD_RESPONSES]);
+
+/* Runs tests/shaders/around_probe.comp. */
+enum { PROBE_SKY, PROBE_HALVES, PROBE_GROUND, PROBE_AROUND, PROBE_FOOT, PROBE_SUN, PROBE_RAYS };
+void cloud_bench_probe(const struct cloud_bench *bench, float (*places)[4], int n, float (*found)[4][4]);
 
 struct cloud_lighting {
 	double answers_ms, tables_ms; /* device time */
@@ -20,6 +50,11 @@ struct cloud_lighting {
 struct cloud_lighting cloud_light_render(const struct cloud_field *field, const struct cloud_phase *phase,
 	double albedo, double sun_elevation_deg, enum light_model model, const struct cloud_ray *rays, int n,
 	float (*answers)[CLOUD_RESPONSES]);
+
+/* Rays down onto a deck, then up; half a turn of azimuths, of which the other half is the mirror image. weights: of
+ * radiance in a flux. */
+enum { CLOUD_FLUX_RAYS = 24 * 24 };
+void cloud_flux_rays(struct cloud_ray rays[2 * CLOUD_FLUX_RAYS], double weights[CLOUD_FLUX_RAYS]);
 
 /* Where the light of a sun at cosine mu0 to the vertical leaves an endless deck of that optical depth. */
 struct cloud_fluxes cloud_light_fluxes(double tau, const struct cloud_phase *phase, double mu0);

@@ -138,8 +138,10 @@ static void trace(const struct cloud_medium *m, const double sun[3], const struc
 		if (!collide(m, q, d, random)) {
 			if (order == 0)
 				response[CLOUD_TRANSMITTANCE] = 1;
+			else if (d[1] > 0)
+				response[CLOUD_SKY] = weight * (m->sky ? m->sky(d[1]) : 1);
 			else
-				response[d[1] > 0 ? CLOUD_SKY : CLOUD_GROUND] = weight;
+				response[CLOUD_GROUND] = weight;
 			return;
 		}
 		weight *= m->albedo;

@@ -26,11 +26,12 @@ struct cloud_medium {
 	double low[3], high[3]; /* nothing scatters outside this box; ±INFINITY where it has no side */
 	double albedo;          /* of single scattering */
 	struct cloud_phase phase;
+	double (*sky)(double mu); /* its radiance, by the cosine to the vertical; NULL: 1 */
 };
 
 /* What a ray from a camera brings, for three illuminations: a sun of irradiance 1 (on a plane facing it), a sky of
- * radiance 1 from every direction with h > 0, a ground of radiance 1 from every other. Only what the cloud
- * scattered at least once; transmittance stands beside it. */
+ * radiance 1, unless the medium says otherwise, from every direction with h > 0, a ground of radiance 1 from every
+ * other. Only what the cloud scattered at least once; transmittance stands beside it. */
 enum { CLOUD_SUN, CLOUD_SKY, CLOUD_GROUND, CLOUD_TRANSMITTANCE, CLOUD_RESPONSES };
 struct cloud_estimate {
 	double mean[CLOUD_RESPONSES], std_error[CLOUD_RESPONSES];

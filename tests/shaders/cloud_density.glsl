@@ -3,6 +3,16 @@
 
 layout(binding = UNIT_CLOUD_BASE) uniform sampler3D cloud_field_texture;
 
+/* The ground is flat, and so are rays. */
+struct CloudRay {
+	vec3 from, d;
+};
+
+vec3 cloud_point(CloudRay ray, float t)
+{
+	return ray.from + ray.d * t;
+}
+
 vec3 cloud_direction(vec3 d, vec3 up, vec3 q)
 {
 	return vec3(dot(d, clouds.east.xyz), dot(d, up), dot(d, clouds.south.xyz));
