@@ -260,7 +260,7 @@ static enum table_state need_weather(struct frame_tables *tables, const struct C
 		.name = "cloud_weather",
 		.width = WELKIN_NOISE_WEATHER_SIDE,
 		.height = WELKIN_NOISE_WEATHER_SIDE,
-		.internal_format = GL_RGBA8,
+		.internal_format = GL_RGBA16, /* tops follow it: between texels, 8 bits would be terraces */
 		.unit = UNIT_CLOUD_WEATHER,
 		.repeats = 1,
 	};
@@ -290,7 +290,7 @@ static enum table_state need_painted(
 		.width = side,
 		.height = painting->volume ? side : (int)t->height,
 		.depth = painting->volume ? side : 0,
-		.internal_format = GL_RGBA8,
+		.internal_format = painting->part == PAINTED_WEATHER ? GL_RGBA16 : GL_RGBA8,
 		.repeats = 1 };
 	const bool there = tables_need_picture(
 		tables, &painting->kind, mesh->key, sizeof mesh->key, &desc, (const char *)mesh + t->pixels, err);

@@ -171,11 +171,46 @@ static void dense_everywhere_alike(void **state)
 	lib_gpu_free(&there);
 }
 
+/* Weather changes evenly between the texels of its map, not in the steps of 8 bits: of lines over which it changes by
+ * one to eight of these, none has more than a twelfth of that in a 64th of its length. */
+static void weather_has_no_terraces(void **state)
+{
+	(void)state;
+	struct buffer places = lib_gpu_buffer(POINTS * 4 * sizeof(float)),
+		      found = lib_gpu_buffer(POINTS * 4 * sizeof(float));
+	lay_lines(places.data, 0);
+	prepare("clouds.preset=cumulus");
+	probe(&places, POINTS, &found);
+	const float(*value)[4] = (const float(*)[4])found.data;
+	int lines = 0;
+	double most = 0;
+	for (int line = 0; line < LINES; line++) {
+		double least = 1, largest = 0, step = 0;
+		for (int i = line * ALONG; i < (line + 1) * ALONG; i++) {
+			const double coverage = (double)value[i][2];
+			least = fmin(least, coverage);
+			largest = fmax(largest, coverage);
+			if (i > line * ALONG)
+				step = fmax(step, fabs(coverage - (double)value[i - 1][2]));
+		}
+		if (255 * (largest - least) < 1 || 255 * (largest - least) > 8)
+			continue;
+		lines++;
+		most = fmax(most, step / (largest - least));
+	}
+	print_message("%d lines; up to %.3f of the change in one step of %d\n", lines, most, ALONG);
+	assert_true(lines >= 10);
+	assert_true(most < 1.0 / 12);
+	lib_gpu_free(&places);
+	lib_gpu_free(&found);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(textures_repeat),
 		cmocka_unit_test(dense_everywhere_alike),
+		cmocka_unit_test(weather_has_no_terraces),
 	};
 	return cmocka_run_group_tests_name("cloud_shapes", tests, lib_gpu_open, lib_gpu_close);
 }

@@ -6,7 +6,7 @@
 #include "cloud_noise.glsl"
 
 layout(local_size_x = WORKGROUP_X, local_size_y = WORKGROUP_Y) in;
-layout(rgba8, binding = 0) uniform writeonly image2D table;
+layout(rgba16, binding = 0) uniform writeonly image2D table;
 
 const float MARGIN = 0.42;
 
