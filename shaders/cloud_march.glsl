@@ -179,10 +179,13 @@ void march_uniform(inout March m, Stretch s)
 const float SMALLEST = 300.0; /* m: clouds shorter than this may be missed between probes, unless a pixel is larger */
 const float CARVED = 100.0;   /* m: likewise gaps and tufts where the weather has clouds */
 const float FINEST = 20.0;    /* m */
+const float WITHIN = 5.0;     /* m: likewise at the camera, which a step within a cloud would else hide behind one sample */
+const float AROUND = 400.0;   /* m: up to where it grows */
 const float NEAR = 0.03;      /* steps per distance that are fine enough at any rate */
 const float FEWEST = 24.0;    /* steps through the layer, however little of it a pixel resolves */
 const float SEEN = 1.5;       /* steps per width of a pixel at their distance */
 const float HIDDEN = 0.8;     /* optical depth of a step at the edge of a cloud; it grows with the depth behind the edge */
+const float MISSED = 0.5;     /* of a step: how far behind an edge a cloud may be found; farther, that differs from pixel to pixel, and their light too */
 const float ENTRY = 2.0;      /* of the first step into a cloud, where that is densest, and of what is left out before it */
 
 struct Sample {
@@ -208,8 +211,9 @@ float coarse_step(Stretch s, float t)
 {
 	float whole = s.end - s.start;
 	/* a level ray within the layer is long, yet what is near is near */
-	float least = min(whole / float(4 * clouds.steps), FINEST + NEAR * max(t, 0.0));
-	return max(min(SEEN * s.pixel * t, whole / FEWEST), max(least, FINEST));
+	float finest = mix(WITHIN, FINEST, clamp(t / AROUND, 0.0, 1.0));
+	float least = min(whole / float(4 * clouds.steps), finest + NEAR * max(t, 0.0));
+	return max(min(SEEN * s.pixel * t, whole / FEWEST), max(least, finest));
 }
 
 /* However far a cloud is, its light is that of its edge. */
@@ -234,7 +238,7 @@ Sample next_cloud(Stretch s, inout float t, float length_, inout int left)
 	for (;;) {
 		Sample p = sample_at(s, t, length_);
 		bool over = p.t >= s.end;
-		if ((p.shape > 0.0 && gap <= entry_step(2.0 * coarse)) || (over && gap <= coarse) || left <= 0)
+		if ((p.shape > 0.0 && gap <= entry_step(MISSED * coarse)) || (over && gap <= coarse) || left <= 0)
 			return p;
 		left--;
 		length_ = entry_step(coarse);

@@ -287,6 +287,41 @@ static void from_space(void **state)
 	}
 }
 
+/* Root mean square difference of pixels from the mean of the four around, relative to it. */
+static double grain_of(const struct cloud_frame *frame)
+{
+	const int width = frame->width, height = frame->height;
+	double squares = 0;
+	for (int y = 1; y < height - 1; y++)
+		for (int x = 1; x < width - 1; x++) {
+			const float *p = frame->rgba + 4 * (y * width + x);
+			const double around =
+				0.25 * (rec709_luminance(p - 4) + rec709_luminance(p + 4) +
+					       rec709_luminance(p - 4 * width) + rec709_luminance(p + 4 * width));
+			squares += pow(rec709_luminance(p) / around - 1, 2);
+		}
+	return sqrt(squares / ((width - 2) * (height - 2)));
+}
+
+/* Decks have no more grain than their own shapes: none within, little in valleys that a low sun does not reach. */
+static void grain_of_decks(void **state)
+{
+	(void)state;
+	struct cloud_frame within =
+		frame_of(CLEAR "&clouds.preset=stratocumulus&camera.altitude_m=1600&camera.pitch_deg=0"
+			       "&sun.elevation_deg=40&camera.heading_deg=60&image.width=320&image.height=180");
+	struct cloud_frame above =
+		frame_of(CLEAR "&clouds.preset=stratus&camera.altitude_m=1e4&camera.pitch_deg=-31&sun.elevation_deg=10"
+			       "&camera.heading_deg=110&camera.fov_deg=15&image.width=480&image.height=270"
+			       "&clouds.savings=early_exit,empty_space,adaptive_steps,light_volume,blue_noise");
+	const double inside = grain_of(&within), afar = grain_of(&above);
+	print_message("grain within a deck %.3f %%, of one from afar %.2f %%\n", 100 * inside, 100 * afar);
+	assert_true(inside < 0.001);
+	assert_true(afar < 0.014);
+	cloud_frame_free(&within);
+	cloud_frame_free(&above);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -295,6 +330,7 @@ int main(void)
 		cmocka_unit_test(steps),
 		cmocka_unit_test(bounds_of_the_layer),
 		cmocka_unit_test(inside_the_layer),
+		cmocka_unit_test(grain_of_decks),
 		cmocka_unit_test(directions),
 		cmocka_unit_test(low_sun),
 		cmocka_unit_test(far_away),
