@@ -157,8 +157,11 @@ bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error 
 	const struct welkin_clouds *clouds = &f->job.request.clouds;
 	const char *surfaces = f->plan.features & FEATURE_SURFACES ? "SURFACES=1" : "";
 	char choices[64], compose[64];
-	snprintf(compose, sizeof compose, "%s%s%s", layered(f) ? "CLOUD_LAYER=1 " : "",
-		clouds->high_coverage > 0 ? "HIGH=1 " : "", surfaces);
+	const struct CloudsBlock *block = &f->scene.clouds;
+	const float altitude = f->scene.frame.camera_altitude;
+	snprintf(compose, sizeof compose, "%s%s%s%s", layered(f) ? "CLOUD_LAYER=1 " : "",
+		clouds->high_coverage > 0 ? "HIGH=1 " : "",
+		altitude > block->bottom && altitude < block->top ? "INSIDE=1 " : "", surfaces);
 	if (programs_many(ws->programs))
 		snprintf(choices, sizeof choices, "%s", surfaces);
 	else

@@ -12,6 +12,10 @@
 #ifndef SHADE
 #define SHADE SHADE_HERE
 #endif
+/* Chosen when the program is built: the camera is within the layer. */
+#ifndef INSIDE
+#define INSIDE 0
+#endif
 #if SHADE != SHADE_HERE
 #include "pixel_list.glsl"
 #endif
@@ -55,12 +59,6 @@ vec4 air_light(CloudRay ray, vec2 stretch, vec3 d)
 	return share * light.straight + (1.0 - share) * light.diffuse;
 }
 
-/* Is the camera within the layer? */
-bool camera_within()
-{
-	return frame.camera_altitude > clouds.bottom && frame.camera_altitude < clouds.top;
-}
-
 Shaded shaded_along(vec3 d, float t_end)
 {
 	Shaded none = Shaded(vec4(0.0), vec4(0.0));
@@ -75,7 +73,7 @@ Shaded shaded_along(vec3 d, float t_end)
 	/* above, within, below, within and above the layer, where they are not empty: from where to where, and what share of each is before the clouds */
 	float bound[6] = float[](ray.start, top.x, under.x, under.y, top.y, end);
 	bool below = under.x <= ray.start;
-	float open[5] = float[](1.0, camera_within() ? 1.0 : 0.5, below ? 1.0 : 0.0, camera_within() ? 0.0 : below || !through ? 0.5 : 0.0, 0.0);
+	float open[5] = float[](1.0, INSIDE != 0 ? 1.0 : 0.5, below ? 1.0 : 0.0, INSIDE != 0 ? 0.0 : below || !through ? 0.5 : 0.0, 0.0);
 	vec3 stretch[5];
 	int n = 0;
 	for (int k = 0; k < 5; k++)
@@ -280,10 +278,10 @@ Before before_side(int i, vec3 d, vec4 answer, vec4 where, float t_end)
 	b.own = air_T * bands.sun_irradiance * cloud_radiance(d, answer, where.z) + (1.0 - answer.x) * air_L;
 	Shaded change = shaded_pixel(i, d, t_end);
 	vec4 before = change.open;
-	for (int busy = camera_within() ? 1 : 0; busy > 0; busy--) /* as much of it as there is air before the clouds */ {
-		aerial_perspective(d, way_in_layer(d), L, T);
-		before *= clamp(air_L / max(L, 1e-30), 0.0, 1.0);
-	}
+#if INSIDE != 0 /* as much of it as there is air before the clouds */
+	aerial_perspective(d, way_in_layer(d), L, T);
+	before *= clamp(air_L / max(L, 1e-30), 0.0, 1.0);
+#endif
 	/* no more than there is: of the air within a layer seen from outside half counts as before them */
 	b.shaded = (1.0 - answer.x) * clamp(before, -air_L, air_L) + answer.x * (change.open + change.behind);
 	return b;
