@@ -68,8 +68,7 @@ static void light_key(struct light_key *key, const struct scene *scene, bool sha
 #define CLOUD_GRID_SIZE                                                                                                \
 	.width = CLOUD_GRID_ACROSS, .height = CLOUD_GRID_ACROSS, .depth = CLOUD_GRID_UP * CLOUD_GRID_LEVELS
 
-/* What the tables without a scene and those under one share, then those that differ; of those `lit` is for a scene
- * alone. */
+/* Tables that differ under a scene are there twice. */
 #define DIFFUSE                                                                                                        \
 	.name = "cloud_diffuse", .unit = UNIT_CLOUD_DIFFUSE, .internal_format = GL_RGBA32F, CLOUD_GRID_SIZE,           \
 	.iterations = CLOUD_DIFFUSE_RUNS, .feedback = 1,                                                               \
@@ -100,19 +99,18 @@ static const struct table_desc sun = { SUN }, sun_shaded = { SUN, UNDER_A_SCENE 
 
 enum table_state need_cloud_light(struct frame_tables *tables, const struct scene *scene, struct error *err)
 {
-	static const struct table_desc *const open_stages[] = { &cells, &openness, &diffuse, &light, &sun };
-	static const struct table_desc *const shaded_stages[] = { &cells, &openness, &lit, &diffuse_shaded, &light,
-		&sun_shaded };
-	const struct table_desc *const *stages = scene->cast ? shaded_stages : open_stages;
-	const size_t n = scene->cast ? sizeof shaded_stages / sizeof shaded_stages[0]
-				     : sizeof open_stages / sizeof open_stages[0];
-	struct light_key open, shaded;
-	light_key(&open, scene, false);
-	light_key(&shaded, scene, true);
+	static const struct {
+		const struct table_desc *open, *shaded; /* NULL: there is none */
+		bool knows;                             /* of the scene */
+	} stages[] = { { &cells, &cells, false }, { &openness, &openness, false }, { NULL, &lit, true },
+		{ &diffuse, &diffuse_shaded, true }, { &light, &light, true }, { &sun, &sun_shaded, true } };
+	struct light_key key;
 	enum table_state state = TABLE_READY;
-	for (size_t i = 0; i < n && state == TABLE_READY; i++) {
-		const bool alike = stages[i] == &cells || stages[i] == &openness;
-		state = tables_need(tables, stages[i], alike ? &open : &shaded, sizeof open, 0, err);
+	for (size_t i = 0; i < sizeof stages / sizeof stages[0] && state == TABLE_READY; i++) {
+		const struct table_desc *desc = scene->cast ? stages[i].shaded : stages[i].open;
+		light_key(&key, scene, stages[i].knows);
+		if (desc)
+			state = tables_need(tables, desc, &key, sizeof key, 0, err);
 	}
 	return state;
 }
