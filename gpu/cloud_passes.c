@@ -128,7 +128,8 @@ static int cells_across(int from, int pixels, int cell)
 /* Points of a tile's lattice along an axis; cloud_lattice.glsl. */
 static int lattice_across(int from, int pixels)
 {
-	return (cells_across(from, pixels, CLOUD_LATTICE_CELL) + 1) * (CLOUD_LATTICE_CELL / 2) + 1;
+	const int end = ((from + pixels - 1) / CLOUD_LATTICE_CELL + 1) * CLOUD_LATTICE_CELL;
+	return ((end / CLOUD_LATTICE_BLOCK + 1 - from / CLOUD_LATTICE_BLOCK) * CLOUD_LATTICE_BLOCK) / 2 + 1;
 }
 
 /* Cells of shade along an axis; cloud_lattice.glsl. */
@@ -173,11 +174,11 @@ bool clouds_choose_programs(struct workspace *ws, struct frame *f, struct error 
 	       choose_reprojection(ws, f, choices, err) && choose_kept(ws, f, compose, err);
 }
 
-/* Points of a tile's lattice, at most; cloud_lattice.glsl. Twice as many as either list of pixel_list.glsl holds. */
+/* Points of a tile's lattice, at most; cloud_lattice.glsl. Either list of pixel_list.glsl holds as many. */
 static size_t lattice_points(int pixels)
 {
-	/* a tile is a rectangle: w/2 + 5 by h/2 + 5 at most */
-	return (size_t)pixels * 6 + 128;
+	/* a tile is a rectangle: w/2 + 10 by h/2 + 10 at most */
+	return (size_t)pixels * 21 / 4 + 106;
 }
 
 bool clouds_reserve(struct workspace *ws, const struct frame *f, int pixels, struct error *err)
@@ -194,7 +195,7 @@ bool clouds_reserve(struct workspace *ws, const struct frame *f, int pixels, str
 	       (!(f->cloud_shade.rays || f->cloud_lattice.corners || f->cloud_reprojection.blocks) ||
 		       (workspace_reserve(&ws->cloud_lattice, points * 8 * sizeof(float), false, err) &&
 			       workspace_reserve(
-				       &ws->cloud_list, (points + CLOUD_LIST_FIRST) * sizeof(uint), false, err)));
+				       &ws->cloud_list, (2 * points + CLOUD_LIST_FIRST) * sizeof(uint), false, err)));
 }
 
 /* Where a list says how many workgroups it needs, in bytes; pixel_list.glsl. */

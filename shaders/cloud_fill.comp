@@ -28,20 +28,46 @@ Corner corner(ivec2 point, int across)
 	return Corner(sight_of_lattice(point.y * across + point.x), pixel_direction(lattice_pixel(tile, point)));
 }
 
-/* Do the four show the same in about the same direction? */
-bool agree(Corner a, Corner b, Corner c, Corner d)
+/* Do the four see in about the same direction? */
+bool together(Corner a, Corner b, Corner c, Corner d)
 {
 	vec3 cosine = vec3(dot(a.direction.xyz, b.direction.xyz), dot(a.direction.xyz, c.direction.xyz), dot(a.direction.xyz, d.direction.xyz));
 	bool near_ = min(min(cosine.x, cosine.y), cosine.z) > 0.9;
 	bool all_see = min(min(a.direction.w, b.direction.w), min(c.direction.w, d.direction.w)) >= 0.0;
-	return near_ && all_see && alike(a.sight, b.sight, c.sight, d.sight);
+	return near_ && all_see;
+}
+
+/* What a point shows, what comes through, and its distance. */
+vec3 seen_at(ivec2 point, ivec2 size)
+{
+	point = min(point, size - 1);
+	Sight s = sight_of_lattice(point.y * size.x + point.x);
+	return vec3(shown(s.light), s.light.x, s.place.x);
+}
+
+/* Do the nine of the block change so evenly that what lies between them is known? */
+bool even(ivec2 first, int spacing, ivec2 size)
+{
+	vec3 bent = vec3(0.0), sum = vec3(0.0), down[3] = vec3[3](vec3(0.0), vec3(0.0), vec3(0.0));
+	for (int k = 0; k < 3; k++) {
+		ivec2 left = first + ivec2(0, k * spacing);
+		vec3 a = seen_at(left, size), b = seen_at(left + ivec2(spacing, 0), size), c = seen_at(left + ivec2(2 * spacing, 0), size);
+		float part = k == 1 ? -2.0 : 1.0;
+		down[0] += part * a;
+		down[1] += part * b;
+		down[2] += part * c;
+		bent = max(bent, abs(a - 2.0 * b + c));
+		sum += a + b + c;
+	}
+	bent = max(bent, max(abs(down[0]), max(abs(down[1]), abs(down[2]))));
+	return all(lessThanEqual(bent, vec3(BENT * sum.x / 9.0, BENT_THROUGH, BENT_DISTANCE * sum.z / 9.0)));
 }
 
 void main()
 {
 	int i = int(gl_GlobalInvocationID.x);
 	const int spacing = RAYS == CLOUD_RAYS_LATTICE ? 2 : 1; /* of the lattice that is there, in its points */
-	ivec2 size = lattice_size(tile), count = RAYS == CLOUD_RAYS_LATTICE ? size : tile.zw;
+	ivec2 size = lattice_size(tile), count = RAYS == CLOUD_RAYS_LATTICE ? lattice_used(tile) : tile.zw;
 	ivec2 own = ivec2(i % count.x, i / count.x);
 	if (i >= count.x * count.y || (RAYS == CLOUD_RAYS_LATTICE && all(equal(own % 2, ivec2(0)))))
 		return;
@@ -52,14 +78,16 @@ void main()
 	high = all(equal(pixel, from)) ? low : high;
 	vec2 x = clamp(vec2(pixel - from) / vec2(max(to - from, 1)), 0.0, 1.0);
 	Corner a = corner(low, size.x), b = corner(ivec2(high.x, low.y), size.x), c = corner(ivec2(low.x, high.y), size.x), d = corner(high, size.x);
-	if (!agree(a, b, c, d)) {
-		list_add(RAYS == CLOUD_RAYS_LATTICE ? CLOUD_LIST_POINTS : CLOUD_LIST_PIXELS, i, 1);
+	bool known = alike(a.sight, b.sight, c.sight, d.sight) || even(low / (2 * spacing) * (2 * spacing), spacing, size);
+	if (!(known && together(a, b, c, d))) {
+		list_add(RAYS == CLOUD_RAYS_LATTICE ? CLOUD_LIST_POINTS : CLOUD_LIST_PIXELS, own.y * (RAYS == CLOUD_RAYS_LATTICE ? size.x : tile.z) + own.x, 1);
 		return;
 	}
 	Sight sight = between(a.sight, b.sight, c.sight, d.sight, x);
 #if RAYS == CLOUD_RAYS_LATTICE
-	lattice[2 * i] = sight.light;
-	lattice[2 * i + 1] = sight.place;
+	int at = 2 * (own.y * size.x + own.x);
+	lattice[at] = sight.light;
+	lattice[at + 1] = sight.place;
 #else
 	light[i] = sight.light;
 	place[i] = sight.place;

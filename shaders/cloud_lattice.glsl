@@ -10,6 +10,8 @@ layout(binding = UNIT_CLOUD_LATTICE) uniform samplerBuffer cloud_lattice_texels;
 
 /* How far neighbours may differ: of what they show, relative to it; of what comes through; of distance, relative. */
 const float ALIKE = 0.10, ALIKE_THROUGH = 0.05, ALIKE_DISTANCE = 0.25;
+/* Likewise what three in a row may differ by from a straight line, twice that is: what lies between those errs by an eighth of it. */
+const float BENT = 0.20, BENT_THROUGH = 0.10, BENT_DISTANCE = 0.10;
 /* What sky and ground are to the sun, about, by day. */
 const float SKY_TO_SUN = 0.05;
 
@@ -73,16 +75,30 @@ Sight between(Sight a, Sight b, Sight c, Sight d, vec2 x)
 	return Sight(mix(mix(a.light, b.light, x.x), mix(c.light, d.light, x.x), x.y), mix(mix(a.place, b.place, x.x), mix(c.place, d.place, x.x), x.y));
 }
 
-/* The lattice's first pixel; points along each axis, 2 pixels apart but for the last, which stays in the image. */
+/* The lattice's first pixel; points along each axis, 2 pixels apart but for the last, which stays in the image. It is of whole blocks of four
+ * cells, each of which is known all around. */
+
 ivec2 lattice_origin(ivec4 tile)
 {
-	return tile.xy / CLOUD_LATTICE_CELL * CLOUD_LATTICE_CELL;
+	return tile.xy / CLOUD_LATTICE_BLOCK * CLOUD_LATTICE_BLOCK;
 }
 
+/* Where the last cell ends that has pixels of the tile. */
+ivec2 lattice_end(ivec4 tile)
+{
+	return ((tile.xy + tile.zw - 1) / CLOUD_LATTICE_CELL + 1) * CLOUD_LATTICE_CELL;
+}
+
+/* Points that its pixels look at. */
+ivec2 lattice_used(ivec4 tile)
+{
+	return (lattice_end(tile) - lattice_origin(tile)) / 2 + 1;
+}
+
+/* With those that these look at: the ones on the line where it ends belong to the block beyond. */
 ivec2 lattice_size(ivec4 tile)
 {
-	ivec2 cells = (tile.xy + tile.zw - 1) / CLOUD_LATTICE_CELL - tile.xy / CLOUD_LATTICE_CELL + 1;
-	return (cells + 1) * (CLOUD_LATTICE_CELL / 2) + 1; /* a cell more: those on its lines look into it */
+	return ((lattice_end(tile) / CLOUD_LATTICE_BLOCK + 1) * CLOUD_LATTICE_BLOCK - lattice_origin(tile)) / 2 + 1;
 }
 
 ivec2 lattice_pixel(ivec4 tile, ivec2 point)

@@ -229,19 +229,17 @@ float next_step(March m, float sigma, float coarse, float span)
 	return sigma > 0.0 ? clamp(HIDDEN * (1.0 - 0.6 * log(max(m.T, 1e-8))) / sigma, entry_step(0.3 * coarse), longest) : min(1.5 * coarse, longest);
 }
 
-/* Goes on to where there may be a cloud: in large strides, the larger where the weather has none, and back to where it begins;
- * back as well from beyond the end, before which a stride may have passed over one. */
-Sample next_cloud(Stretch s, inout float t, float length_, inout int left)
+/* Goes on from a sample at t to where there may be a cloud: in large strides, the larger where the weather has none, and back to where it
+ * begins; back as well from beyond the end, before which a stride may have passed over one. */
+Sample next_cloud(Stretch s, Sample p, inout float t, inout int left)
 {
 	/* found: where a cloud was met; the march may begin before the camera */
 	float gap = 0.0, found = -1e30, coarse = coarse_step(s, t), whole = s.end - s.start;
 	for (;;) {
-		Sample p = sample_at(s, t, length_);
 		bool over = p.t >= s.end;
 		if ((p.shape > 0.0 && gap <= entry_step(MISSED * coarse)) || (over && gap <= coarse) || left <= 0)
 			return p;
 		left--;
-		length_ = entry_step(coarse);
 		float stride = cloud_may_be(p.q, p.weather) ? max(min(CARVED, 0.1 * whole), 2.0 * coarse) : max(min(SMALLEST, 0.1 * whole), 3.0 * coarse);
 		if (p.shape > 0.0 || over) {
 			found = t;
@@ -251,38 +249,42 @@ Sample next_cloud(Stretch s, inout float t, float length_, inout int left)
 			gap = t < found ? gap : stride;
 			t += gap;
 		}
+		p = sample_at(s, t, entry_step(coarse));
 	}
 }
 
-/* Steps by how much a pixel sees and how much a step hides. */
+/* Steps by how much a pixel sees and how much a step hides. Rays that run together look for clouds together and are in clouds together,
+ * whichever of them needs more steps for it: one by one they would wait for each other at every edge. */
 void march_adaptive(inout March m, Stretch s)
 {
-	float coarse = coarse_step(s, s.start), step_ = coarse, t = s.start + (s.jitter - 0.5) * coarse;
+	float coarse = coarse_step(s, s.start), t = s.start + (s.jitter - 0.5) * coarse;
 	int left = 8 * clouds.steps, dense = 2 * clouds.steps;
+	Sample p = sample_at(s, t, coarse);
+	bool on = true;
 	do {
-		Sample p = sample_at(s, t, step_);
 		if (saves(SAVE_EMPTY_SPACE))
-			p = next_cloud(s, t, step_, left);
-		float sigma = cloud_extinction_of(p.q, p.weather, p.shape), lit = p.t + (saves(SAVE_SHARED_LIGHT) ? 0.5 * p.span : 0.0);
-		float sun_depth = sun_depth_at(cloud_point(s.ray, lit), to_sun_at(s, lit), sigma);
-		vec3 source = vec3(0.0);
-		for (int i = 0; i < (saves(SAVE_SHARED_LIGHT) ? 2 : 1); i++) {
-			float within = clamp(s.end - t, 0.0, p.span);
-			source = cloud_source(m, p.q, sun_depth, s.nu);
-			march_add(m, p.t, sigma * within, source);
-			t += p.span;
-			step_ = next_step(m, sigma, coarse_step(s, t), p.span);
-			if (saves(SAVE_SHARED_LIGHT) && i == 0) {
-				p = sample_at(s, t, step_);
-				sigma = cloud_extinction_of(p.q, p.weather, p.shape);
+			p = next_cloud(s, p, t, left);
+		do {
+			float sigma = cloud_extinction_of(p.q, p.weather, p.shape), lit = p.t + (saves(SAVE_SHARED_LIGHT) ? 0.5 * p.span : 0.0);
+			float sun_depth = sun_depth_at(cloud_point(s.ray, lit), to_sun_at(s, lit), sigma);
+			vec3 source = vec3(0.0);
+			for (int i = 0; i < (saves(SAVE_SHARED_LIGHT) ? 2 : 1); i++) {
+				float within = clamp(s.end - t, 0.0, p.span);
+				source = cloud_source(m, p.q, sun_depth, s.nu);
+				march_add(m, p.t, sigma * within, source);
+				t += p.span;
+				p = sample_at(s, t, next_step(m, sigma, coarse_step(s, t), p.span));
+				if (saves(SAVE_SHARED_LIGHT) && i == 0)
+					sigma = cloud_extinction_of(p.q, p.weather, p.shape);
+				dense--;
 			}
-			dense--;
-		}
-		if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE) {
-			march_end(m, t, source);
-			dense = 0;
-		}
-	} while (t < s.end && left > 0 && dense > 0);
+			on = t < s.end && left > 0 && dense > 0;
+			if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE) {
+				march_end(m, t, source);
+				on = false;
+			}
+		} while (on && (p.shape > 0.0 || !saves(SAVE_EMPTY_SPACE)));
+	} while (on);
 }
 
 void march_interval(inout March m, CloudRay ray, vec2 interval, vec3 d, vec3 up, float jitter, float pixel)

@@ -247,6 +247,7 @@ typedef unsigned int uint;
  * marched at the corners of, and of those that shade is worked out at the corners of (cloud_lattice.glsl). */
 #define CLOUD_BLOCK 4
 #define CLOUD_LATTICE_CELL 4
+#define CLOUD_LATTICE_BLOCK (2 * CLOUD_LATTICE_CELL)
 #define CLOUD_SHADE_CELL 8
 
 /* BIND_CLOUD_LIST: for each of two lists workgroups along x, y, z, and how many points; then the points; pixel_list.glsl. Of the
