@@ -217,13 +217,15 @@ static void march_lattice(struct workspace *ws, const struct frame *f, const str
 	passes_run(ws->passes, &corners);
 	const struct {
 		const struct program *fill, *march;
-		int points;
-	} rounds[] = { { f->cloud_lattice.fill_lattice, f->cloud_lattice.lattice, across * down },
-		{ f->cloud_lattice.fill_pixels, f->cloud_lattice.pixels, tile[2] * tile[3] } };
+		int blocks; /* of 4 by 4 points or pixels */
+	} rounds[] = { { f->cloud_lattice.fill_lattice, f->cloud_lattice.lattice, across / 4 * (down / 4) },
+		{ f->cloud_lattice.fill_pixels, f->cloud_lattice.pixels,
+			cells_across(tile[0], tile[2], CLOUD_LATTICE_CELL) *
+				cells_across(tile[1], tile[3], CLOUD_LATTICE_CELL) } };
 	for (int i = 0; i < 2; i++) {
 		struct pass fill = corners, listed = corners;
 		fill.program = rounds[i].fill;
-		fill.threads[0] = rounds[i].points;
+		fill.threads[0] = rounds[i].blocks;
 		passes_run(ws->passes, &fill);
 		listed.program = rounds[i].march;
 		listed.indirect = ws->cloud_list.id;

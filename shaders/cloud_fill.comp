@@ -63,33 +63,55 @@ bool even(ivec2 first, int spacing, ivec2 size)
 	return all(lessThanEqual(bent, vec3(BENT * sum.x / 9.0, BENT_THROUGH, BENT_DISTANCE * sum.z / 9.0)));
 }
 
+/* A thread does a block of 4 by 4, of points or of pixels: four cells between those that are there. */
 void main()
 {
-	int i = int(gl_GlobalInvocationID.x);
-	const int spacing = RAYS == CLOUD_RAYS_LATTICE ? 2 : 1; /* of the lattice that is there, in its points */
-	ivec2 size = lattice_size(tile), count = RAYS == CLOUD_RAYS_LATTICE ? lattice_used(tile) : tile.zw;
-	ivec2 own = ivec2(i % count.x, i / count.x);
-	if (i >= count.x * count.y || (RAYS == CLOUD_RAYS_LATTICE && all(equal(own % 2, ivec2(0)))))
+	const bool points = RAYS == CLOUD_RAYS_LATTICE;
+	const int spacing = points ? 2 : 1; /* of the lattice that is there, in its points */
+	const int which = points ? CLOUD_LIST_POINTS : CLOUD_LIST_PIXELS;
+	int n = int(gl_GlobalInvocationID.x);
+	ivec2 size = lattice_size(tile), begin = points ? lattice_origin(tile) : tile.xy / CLOUD_LATTICE_CELL * CLOUD_LATTICE_CELL;
+	ivec2 blocks = points ? (size - 1) / 4 : (lattice_end(tile) - begin) / 4, block = 4 * ivec2(n % blocks.x, n / blocks.x);
+	if (n >= blocks.x * blocks.y)
 		return;
-	ivec2 pixel = RAYS == CLOUD_RAYS_LATTICE ? lattice_pixel(tile, own) : tile.xy + own;
-	ivec2 low = (pixel - lattice_origin(tile)) / (2 * spacing) * spacing, high = min(low + spacing, size - 1);
-	/* points on a line between two belong to the cell beyond as well: what is thinner than a cell and crosses the line would have gaps there */
-	ivec2 from = lattice_pixel(tile, low), to = lattice_pixel(tile, high);
-	high = all(equal(pixel, from)) ? low : high;
-	vec2 x = clamp(vec2(pixel - from) / vec2(max(to - from, 1)), 0.0, 1.0);
-	Corner a = corner(low, size.x), b = corner(ivec2(high.x, low.y), size.x), c = corner(ivec2(low.x, high.y), size.x), d = corner(high, size.x);
-	bool known = alike(a.sight, b.sight, c.sight, d.sight) || even(low / (2 * spacing) * (2 * spacing), spacing, size);
-	if (!(known && together(a, b, c, d))) {
-		list_add(RAYS == CLOUD_RAYS_LATTICE ? CLOUD_LIST_POINTS : CLOUD_LIST_PIXELS, own.y * (RAYS == CLOUD_RAYS_LATTICE ? size.x : tile.z) + own.x, 1);
-		return;
-	}
-	Sight sight = between(a.sight, b.sight, c.sight, d.sight, x);
+	ivec2 first = points ? block : (begin + block - lattice_origin(tile)) / 2;
+	int across = points ? size.x : tile.z;
+	bool even_ = even(first, spacing, size);
+	int cell = 0, unknown = 0; /* of the sixteen */
+	do { /* loops tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
+		ivec2 side = ivec2(cell & 1, cell >> 1), low = first + spacing * side, high = min(low + spacing, size - 1);
+		Corner a = corner(low, size.x), b = corner(ivec2(high.x, low.y), size.x), c = corner(ivec2(low.x, high.y), size.x), d = corner(high, size.x);
+		bool known = together(a, b, c, d) && (even_ || alike(a.sight, b.sight, c.sight, d.sight));
+		ivec2 from = lattice_pixel(tile, low), to = lattice_pixel(tile, high);
+		int k = 0;
+		do {
+			/* those on a line between two belong to the cell beyond as well: what is thinner than a cell and crosses the line would have gaps there */
+			ivec2 within = 2 * side + ivec2(k & 1, k >> 1), own = block + within, pixel = points ? lattice_pixel(tile, own) : begin + own;
+			own = points ? own : pixel - tile.xy;
+			ivec2 end = points ? lattice_used(tile) : tile.zw;
+			if (any(lessThan(own, ivec2(0))) || any(greaterThanEqual(own, end)) || (points && k == 0))
+				continue;
+			if (!known && pixel != from) {
+				unknown |= 1 << (4 * within.y + within.x);
+				continue;
+			}
+			int at = own.y * across + own.x;
+			vec2 x = clamp(vec2(pixel - from) / vec2(max(to - from, 1)), 0.0, 1.0);
+			Sight sight = between(a.sight, b.sight, c.sight, d.sight, x);
 #if RAYS == CLOUD_RAYS_LATTICE
-	int at = 2 * (own.y * size.x + own.x);
-	lattice[at] = sight.light;
-	lattice[at + 1] = sight.place;
+			lattice[2 * at] = sight.light;
+			lattice[2 * at + 1] = sight.place;
 #else
-	light[i] = sight.light;
-	place[i] = sight.place;
+			light[at] = sight.light;
+			place[at] = sight.place;
 #endif
+		} while (++k < 4);
+	} while (++cell < 4);
+	/* one after the other, so that those that are marched together see the same clouds */
+	int count = bitCount(unknown), next = count > 0 ? list_reserve(which, count) : 0;
+	for (; unknown != 0; unknown &= unknown - 1) {
+		int k = findLSB(unknown);
+		ivec2 own = block + ivec2(k & 3, k >> 2) + (points ? ivec2(0) : begin - tile.xy);
+		list_put(which, next++, own.y * across + own.x);
+	}
 }
