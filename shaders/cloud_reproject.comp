@@ -160,7 +160,8 @@ void show(ivec2 pixel, Sight s)
 }
 
 #if RAYS == CLOUD_RAYS_PIXELS
-void fill(ivec2 pixel, int i, Sight s[4], vec2 x, Around a)
+/* false: neither the frame before nor what is around shows it. */
+bool fill(ivec2 pixel, Sight s[4], vec2 x, Around a)
 {
 	vec4 weight = tap_weights(x), d = pixel_direction(pixel), where = mean_place(s, weight);
 	vec4 opacity = 1.0 - vec4(s[0].light.x, s[1].light.x, s[2].light.x, s[3].light.x);
@@ -174,8 +175,9 @@ void fill(ivec2 pixel, int i, Sight s[4], vec2 x, Around a)
 	} else if (alike(s[0], s[1], s[2], s[3])) {
 		show(pixel, between(s[0], s[1], s[2], s[3], x));
 	} else {
-		list_add(CLOUD_LIST_PIXELS, i, 1);
+		return false;
 	}
+	return true;
 }
 #endif
 
@@ -199,7 +201,7 @@ void main()
 	if (!still && !agreed)
 		list_add(CLOUD_LIST_POINTS, n, 1);
 #endif
-	int cell = 0;
+	int cell = 0, unknown = 0; /* of the block's pixels */
 	do { /* loops tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
 		ivec2 side = ivec2(cell & 1, cell >> 1), low = block + side - 1, begin = side * samples.xy, end = samples.xy + side * (CLOUD_BLOCK - samples.xy);
 		if (any(equal(begin, end)))
@@ -212,7 +214,6 @@ void main()
 			if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, tile.zw)))
 				continue;
 			vec2 off = vec2(within - samples.xy + CLOUD_BLOCK * (1 - side)) / float(CLOUD_BLOCK);
-			int i = at.y * tile.z + at.x;
 #if RAYS == CLOUD_RAYS_BLOCKS
 			if (pixel == own)
 				show(pixel, marched(block));
@@ -221,9 +222,18 @@ void main()
 			else if (agreed)
 				show(pixel, between(s[0], s[1], s[2], s[3], off));
 #else
-			if (pixel != own)
-				fill(pixel, i, s, off, a);
+			if (pixel != own && !fill(pixel, s, off, a))
+				unknown |= 1 << (CLOUD_BLOCK * within.y + within.x);
 #endif
 		} while (next.y < end.y);
 	} while (++cell < 4);
+#if RAYS == CLOUD_RAYS_PIXELS
+	/* one after the other, so that those that are marched together see the same clouds */
+	int listed = bitCount(unknown), next = listed > 0 ? list_reserve(CLOUD_LIST_PIXELS, listed) : 0;
+	for (; unknown != 0; unknown &= unknown - 1) {
+		int k = findLSB(unknown);
+		ivec2 at = CLOUD_BLOCK * block + ivec2(k % CLOUD_BLOCK, k / CLOUD_BLOCK) - tile.xy;
+		list_put(CLOUD_LIST_PIXELS, next++, at.y * tile.z + at.x);
+	}
+#endif
 }
