@@ -95,11 +95,18 @@ float sun_depth_at(vec3 q, vec3 to_sun, float sigma)
 	return reach * (sigma / 9.0 + 0.5124858 * second + 0.3764031 * third) + cloud_sun_depth_there(q + to_sun * reach);
 }
 
-vec3 cloud_source(March m, vec3 q, float depth, float nu)
+/* Through how much of its own optical depth a stretch is seen, where that dims what is seen: exp of minus that is the mean over it. */
+float seen_through(float own)
+{
+	return own > 1e-2 ? log(own / (1.0 - exp(-own))) : 0.5 * own;
+}
+
+/* depth: to the sun; own: of the stretch that q stands for. */
+vec3 cloud_source(March m, vec3 q, float depth, float own, float nu)
 {
 	if (LIGHTING == CLOUDS_ARTISTIC)
 		return artistic_source(q, depth, nu);
-	return cloud_light_source(cloud_light_at(q), depth, -log(max(m.T, 1e-20)), nu);
+	return cloud_light_source(cloud_light_at(q), depth, seen_through(own) - log(max(m.T, 1e-20)), nu);
 }
 
 float march_scale()
@@ -162,12 +169,13 @@ void march_uniform(inout March m, Stretch s)
 		}
 		float sigma = cloud_extinction(q, 1), middle = t + 0.5 * float(every - 1) * step_;
 		float sun_depth = sun_depth_at(cloud_point(s.ray, middle), to_sun_at(s, middle), sigma);
-		vec3 source = cloud_source(m, q, sun_depth, s.nu);
+		vec3 source = cloud_source(m, q, sun_depth, sigma * step_, s.nu);
 		march_add(m, t, sigma * step_, source);
 		if (saves(SAVE_SHARED_LIGHT) && i + 1 < n) {
 			q = cloud_point(s.ray, t + step_);
-			source = cloud_source(m, q, sun_depth, s.nu);
-			march_add(m, t + step_, cloud_extinction(q, 1) * step_, source);
+			float next = cloud_extinction(q, 1) * step_;
+			source = cloud_source(m, q, sun_depth, next, s.nu);
+			march_add(m, t + step_, next, source);
 		}
 		if (saves(SAVE_EARLY_EXIT) && m.S < OPAQUE) {
 			march_end(m, t, source);
@@ -184,7 +192,7 @@ const float AROUND = 400.0;   /* m: up to where it grows */
 const float NEAR = 0.03;      /* steps per distance that are fine enough at any rate */
 const float FEWEST = 24.0;    /* steps through the layer, however little of it a pixel resolves */
 const float SEEN = 1.5;       /* steps per width of a pixel at their distance */
-const float HIDDEN = 0.8;     /* optical depth of a step at the edge of a cloud; it grows with the depth behind the edge */
+const float HIDDEN = 0.5;     /* optical depth of a step at the edge of a cloud; it grows with the depth behind the edge */
 const float MISSED = 0.5;     /* of a step: how far behind an edge a cloud may be found; farther, that differs from pixel to pixel, and their light too */
 const float ENTRY = 2.0;      /* of the first step into a cloud, where that is densest, and of what is left out before it */
 
@@ -270,7 +278,7 @@ void march_adaptive(inout March m, Stretch s)
 			vec3 source = vec3(0.0);
 			for (int i = 0; i < (saves(SAVE_SHARED_LIGHT) ? 2 : 1); i++) {
 				float within = clamp(s.end - t, 0.0, p.span);
-				source = cloud_source(m, p.q, sun_depth, s.nu);
+				source = cloud_source(m, p.q, sun_depth, sigma * within, s.nu);
 				march_add(m, p.t, sigma * within, source);
 				t += p.span;
 				p = sample_at(s, t, next_step(m, sigma, coarse_step(s, t), p.span));
@@ -309,7 +317,7 @@ void march_high(inout March m, CloudRay ray, float t, vec3 d, vec3 up)
 	/* either side of the sheet sees the sun through half of it on the mean, and half a sky and half a ground */
 	CloudLight open = CloudLight(2.0 * PI * vec3(0.0, cloud_sky_mean(), 1.0), 0.5 * sun_slant + scene_depth(q));
 	float nu = dot(d, frame.sun_direction.xyz);
-	march_add(m, t, slant, cloud_light_source(open, open.sun_depth, -log(max(m.T, 1e-20)), nu));
+	march_add(m, t, slant, cloud_light_source(open, open.sun_depth, seen_through(slant) - log(max(m.T, 1e-20)), nu));
 }
 
 /* Clouds along a ray from the camera up to distance t_end, of a surface or NO_SURFACE; pixel is the angle that it stands for, in rad. */
