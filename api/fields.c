@@ -307,7 +307,8 @@ static const struct welkin_field built_in[] = {
 		"light_steps; "
 		"shared_light: one sun's depth for two samples; half_resolution: every fourth pixel both ways, the "
 		"others between them where "
-		"those agree, and likewise their shade in the air below, in images of 36,864 pixels or more; "
+		"those agree or change evenly, and likewise their shade in the air below, in images of 36,864 pixels "
+		"or more; "
 		"blue_noise: a first step that differs from pixel to "
 		"pixel, so that steps don't "
 		"show as bands.",

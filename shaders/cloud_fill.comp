@@ -1,5 +1,5 @@
 /*
- * Between the rays that were marched (cloud_lattice.glsl): interpolates where the four around agree, lists the others for
+ * Between the rays that were marched (cloud_lattice.glsl): interpolates where what is around allows it, lists the others for
  * clouds.comp. Once for the lattice's points between the corners of its cells, once for the tile's pixels.
  */
 #include "cloud_lattice.glsl"

@@ -1,8 +1,8 @@
 /*
  * Marching fewer rays than pixels (SAVE_HALF_RESOLUTION). Every fourth pixel along both axes is marched, then those in between
- * on a lattice of every second, then all, each time only where the four around do not agree; elsewhere they are interpolated. All
- * of it goes by a pixel's place in the image, so an image does not depend on how it was cut into tiles: each tile has its
- * lattice to itself, two cells more than it covers.
+ * on a lattice of every second, then all, each time only where the four around do not agree and the nine of their block do not change evenly;
+ * elsewhere they are interpolated. All of it goes by a pixel's place in the image, so an image does not depend on how it was cut into
+ * tiles: each tile has its lattice to itself, with the blocks that it touches.
  */
 #include "camera.glsl"
 
