@@ -61,7 +61,8 @@ static bool choose_lattice(struct workspace *ws, struct frame *f, const char *ch
 		return true;
 	}
 	if (!f->job.request.clouds.reprojection || !f->job.sequence) /* the line cloud-history says more */
-		planner_note(&f->plan, pass, true, "half_resolution: every fourth pixel, others where these differ");
+		planner_note(&f->plan, pass, true,
+			"half_resolution: every fourth pixel, others where these change unevenly");
 	return choose(ws, f, programs, sizeof programs / sizeof programs[0], choices, err);
 }
 
@@ -204,7 +205,7 @@ static int list_head(int which)
 	return which * CLOUD_LIST_HEAD * (int)sizeof(uint);
 }
 
-/* Every fourth pixel, then what lies between, marched where its neighbours do not agree. */
+/* Every fourth pixel, then what lies between, marched where its neighbours do not tell. */
 static void march_lattice(struct workspace *ws, const struct frame *f, const struct pass *march)
 {
 	const int *tile = march->tile, across = lattice_across(tile[0], tile[2]),

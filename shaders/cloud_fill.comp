@@ -38,20 +38,22 @@ bool together(Corner a, Corner b, Corner c, Corner d)
 }
 
 /* What a point shows, what comes through, and its distance. */
-vec3 seen_at(ivec2 point, ivec2 size)
+vec3 seen_at(ivec2 point, int across)
 {
-	point = min(point, size - 1);
-	Sight s = sight_of_lattice(point.y * size.x + point.x);
+	Sight s = sight_of_lattice(point.y * across + point.x);
 	return vec3(shown(s.light), s.light.x, s.place.x);
 }
 
-/* Do the nine of the block change so evenly that what lies between them is known? */
-bool even(ivec2 first, int spacing, ivec2 size)
+/* Do the nine of the block change so evenly that what lies between them is known? Those at the image's last pixel may not be as far apart as others. */
+bool even(ivec2 first, int spacing, int across)
 {
+	ivec2 last = first + 2 * spacing;
+	if (lattice_pixel(tile, last) != lattice_origin(tile) + 2 * last)
+		return false;
 	vec3 bent = vec3(0.0), sum = vec3(0.0), down[3] = vec3[3](vec3(0.0), vec3(0.0), vec3(0.0));
 	for (int k = 0; k < 3; k++) {
 		ivec2 left = first + ivec2(0, k * spacing);
-		vec3 a = seen_at(left, size), b = seen_at(left + ivec2(spacing, 0), size), c = seen_at(left + ivec2(2 * spacing, 0), size);
+		vec3 a = seen_at(left, across), b = seen_at(left + ivec2(spacing, 0), across), c = seen_at(left + ivec2(2 * spacing, 0), across);
 		float part = k == 1 ? -2.0 : 1.0;
 		down[0] += part * a;
 		down[1] += part * b;
@@ -70,16 +72,17 @@ void main()
 	const int spacing = points ? 2 : 1; /* of the lattice that is there, in its points */
 	const int which = points ? CLOUD_LIST_POINTS : CLOUD_LIST_PIXELS;
 	int n = int(gl_GlobalInvocationID.x);
-	ivec2 size = lattice_size(tile), begin = points ? lattice_origin(tile) : tile.xy / CLOUD_LATTICE_CELL * CLOUD_LATTICE_CELL;
+	ivec2 size = lattice_size(tile), begin = points ? lattice_origin(tile) : lattice_begin(tile);
 	ivec2 blocks = points ? (size - 1) / 4 : (lattice_end(tile) - begin) / 4, block = 4 * ivec2(n % blocks.x, n / blocks.x);
 	if (n >= blocks.x * blocks.y)
 		return;
 	ivec2 first = points ? block : (begin + block - lattice_origin(tile)) / 2;
+	ivec4 wanted = points ? lattice_used(tile) : ivec4(0, 0, tile.zw);
 	int across = points ? size.x : tile.z;
-	bool even_ = even(first, spacing, size);
+	bool even_ = even(first, spacing, size.x);
 	int cell = 0, unknown = 0; /* of the sixteen */
 	do { /* loops tested at the end: llvmpipe goes once more, masked, through a body that is tested before */
-		ivec2 side = ivec2(cell & 1, cell >> 1), low = first + spacing * side, high = min(low + spacing, size - 1);
+		ivec2 side = ivec2(cell & 1, cell >> 1), low = first + spacing * side, high = low + spacing;
 		Corner a = corner(low, size.x), b = corner(ivec2(high.x, low.y), size.x), c = corner(ivec2(low.x, high.y), size.x), d = corner(high, size.x);
 		bool known = together(a, b, c, d) && (even_ || alike(a.sight, b.sight, c.sight, d.sight));
 		ivec2 from = lattice_pixel(tile, low), to = lattice_pixel(tile, high);
@@ -88,8 +91,7 @@ void main()
 			/* those on a line between two belong to the cell beyond as well: what is thinner than a cell and crosses the line would have gaps there */
 			ivec2 within = 2 * side + ivec2(k & 1, k >> 1), own = block + within, pixel = points ? lattice_pixel(tile, own) : begin + own;
 			own = points ? own : pixel - tile.xy;
-			ivec2 end = points ? lattice_used(tile) : tile.zw;
-			if (any(lessThan(own, ivec2(0))) || any(greaterThanEqual(own, end)) || (points && k == 0))
+			if (any(lessThan(own, wanted.xy)) || any(greaterThanEqual(own, wanted.zw)) || (points && k == 0))
 				continue;
 			if (!known && pixel != from) {
 				unknown |= 1 << (4 * within.y + within.x);

@@ -10,7 +10,7 @@ layout(binding = UNIT_CLOUD_LATTICE) uniform samplerBuffer cloud_lattice_texels;
 
 /* How far neighbours may differ: of what they show, relative to it; of what comes through; of distance, relative. */
 const float ALIKE = 0.10, ALIKE_THROUGH = 0.05, ALIKE_DISTANCE = 0.25;
-/* Likewise what three in a row may differ by from a straight line, twice that is: what lies between those errs by an eighth of it. */
+/* Likewise second differences of three in a row: what is interpolated between them errs by an eighth of those. */
 const float BENT = 0.20, BENT_THROUGH = 0.10, BENT_DISTANCE = 0.10;
 /* What sky and ground are to the sun, about, by day. */
 const float SKY_TO_SUN = 0.05;
@@ -77,25 +77,29 @@ Sight between(Sight a, Sight b, Sight c, Sight d, vec2 x)
 
 /* The lattice's first pixel; points along each axis, 2 pixels apart but for the last, which stays in the image. It is of whole blocks of four
  * cells, each of which is known all around. */
-
 ivec2 lattice_origin(ivec4 tile)
 {
 	return tile.xy / CLOUD_LATTICE_BLOCK * CLOUD_LATTICE_BLOCK;
 }
 
-/* Where the last cell ends that has pixels of the tile. */
+/* Where the first cell begins and the last ends that have pixels of the tile. */
+ivec2 lattice_begin(ivec4 tile)
+{
+	return tile.xy / CLOUD_LATTICE_CELL * CLOUD_LATTICE_CELL;
+}
+
 ivec2 lattice_end(ivec4 tile)
 {
 	return ((tile.xy + tile.zw - 1) / CLOUD_LATTICE_CELL + 1) * CLOUD_LATTICE_CELL;
 }
 
-/* Points that its pixels look at. */
-ivec2 lattice_used(ivec4 tile)
+/* Points that its pixels look at, from the first to behind the last. */
+ivec4 lattice_used(ivec4 tile)
 {
-	return (lattice_end(tile) - lattice_origin(tile)) / 2 + 1;
+	return ivec4(lattice_begin(tile) - lattice_origin(tile), lattice_end(tile) - lattice_origin(tile) + 2) / 2;
 }
 
-/* With those that these look at: the ones on the line where it ends belong to the block beyond. */
+/* Points along each axis: those, and what they look at; the ones on the line where it ends belong to the block beyond. */
 ivec2 lattice_size(ivec4 tile)
 {
 	return ((lattice_end(tile) / CLOUD_LATTICE_BLOCK + 1) * CLOUD_LATTICE_BLOCK - lattice_origin(tile)) / 2 + 1;

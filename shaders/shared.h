@@ -244,7 +244,8 @@ typedef unsigned int uint;
 #define CLOUD_RAYS_BLOCKS 4
 
 /* Sides in pixels: of a block, of which a frame that follows another marches one pixel (cloud_history.glsl); of the cells that fewer rays are
- * marched at the corners of, and of those that shade is worked out at the corners of (cloud_lattice.glsl). */
+ * marched at the corners of, and of four of those, whose nine corners say whether they change evenly; of the cells that shade is worked out at the
+ * corners of (cloud_lattice.glsl). */
 #define CLOUD_BLOCK 4
 #define CLOUD_LATTICE_CELL 4
 #define CLOUD_LATTICE_BLOCK (2 * CLOUD_LATTICE_CELL)
