@@ -70,7 +70,6 @@ void main()
 {
 	const bool points = RAYS == CLOUD_RAYS_LATTICE;
 	const int spacing = points ? 2 : 1; /* of the lattice that is there, in its points */
-	const int which = points ? CLOUD_LIST_POINTS : CLOUD_LIST_PIXELS;
 	int n = int(gl_GlobalInvocationID.x);
 	ivec2 size = lattice_size(tile), begin = points ? lattice_origin(tile) : lattice_begin(tile);
 	ivec2 blocks = points ? (size - 1) / 4 : (lattice_end(tile) - begin) / 4, block = 4 * ivec2(n % blocks.x, n / blocks.x);
@@ -109,11 +108,5 @@ void main()
 #endif
 		} while (++k < 4);
 	} while (++cell < 4);
-	/* one after the other, so that those that are marched together see the same clouds */
-	int count = bitCount(unknown), next = count > 0 ? list_reserve(which, count) : 0;
-	for (; unknown != 0; unknown &= unknown - 1) {
-		int k = findLSB(unknown);
-		ivec2 own = block + ivec2(k & 3, k >> 2) + (points ? ivec2(0) : begin - tile.xy);
-		list_put(which, next++, own.y * across + own.x);
-	}
+	list_add_block(points ? CLOUD_LIST_POINTS : CLOUD_LIST_PIXELS, points ? block : begin + block - tile.xy, across, unknown);
 }

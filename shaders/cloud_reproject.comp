@@ -228,12 +228,6 @@ void main()
 		} while (next.y < end.y);
 	} while (++cell < 4);
 #if RAYS == CLOUD_RAYS_PIXELS
-	/* one after the other, so that those that are marched together see the same clouds */
-	int listed = bitCount(unknown), next = listed > 0 ? list_reserve(CLOUD_LIST_PIXELS, listed) : 0;
-	for (; unknown != 0; unknown &= unknown - 1) {
-		int k = findLSB(unknown);
-		ivec2 at = CLOUD_BLOCK * block + ivec2(k % CLOUD_BLOCK, k / CLOUD_BLOCK) - tile.xy;
-		list_put(CLOUD_LIST_PIXELS, next++, at.y * tile.z + at.x);
-	}
+	list_add_block(CLOUD_LIST_PIXELS, CLOUD_BLOCK * block - tile.xy, tile.z, unknown);
 #endif
 }

@@ -11,28 +11,31 @@ void lists_clear()
 		list[k] = k % CLOUD_LIST_HEAD == 1 || k % CLOUD_LIST_HEAD == 2 ? 1u : 0u;
 }
 
-void list_put(int which, int i, int at)
-{
-	list[CLOUD_LIST_FIRST + 2 * i + which] = uint(at);
-}
-
 /* threads: how many the kernel has for each point; a power of 2, up to WORKGROUP_LINE. */
 void list_add(int which, int at, int threads)
 {
 	int head = which * CLOUD_LIST_HEAD;
 	uint i = atomicAdd(list[head + 3], 1u), in_group = uint(WORKGROUP_LINE / threads);
-	list_put(which, int(i), at);
+	list[CLOUD_LIST_FIRST + 2 * int(i) + which] = uint(at);
 	if (i % in_group == 0u)
 		atomicMax(list[head], i / in_group + 1u);
 }
 
-/* Room for points that follow one another, for list_put(): the number of the first. A thread does each of them. */
-int list_reserve(int which, int points)
+/* Those of a block of 4 by 4 that the mask has bits for, row by row: one after the other, so that threads that run together see the same clouds, a
+ * thread for each. first: the block's, in rows of `across`. */
+void list_add_block(int which, ivec2 first, int across, int mask)
 {
 	int head = which * CLOUD_LIST_HEAD;
-	uint i = atomicAdd(list[head + 3], uint(points));
-	atomicMax(list[head], (i + uint(points) - 1u) / uint(WORKGROUP_LINE) + 1u);
-	return int(i);
+	if (mask == 0)
+		return;
+	uint points = uint(bitCount(mask)), i = atomicAdd(list[head + 3], points);
+	atomicMax(list[head], (i + points - 1u) / uint(WORKGROUP_LINE) + 1u);
+	do {
+		int k = findLSB(mask);
+		ivec2 at = first + ivec2(k & 3, k >> 2);
+		list[CLOUD_LIST_FIRST + 2 * int(i++) + which] = uint(at.y * across + at.x);
+		mask &= mask - 1;
+	} while (mask != 0);
 }
 
 int list_length(int which)
